@@ -29,7 +29,7 @@ class PlanFlags {
     const bool pivot = j < f.pivot_tiles, diagonal = t.work == device::cuda::Work::diagonal;
     const int row = diagonal ? j : std::max(first, pivot ? j + 1 : j);
     const int end = diagonal ? j + 1 : std::min(first + per_block, t.block < f.pivot_blocks ? f.pivot_tiles : f.tiles);
-    children(f, row, end, j, j + 1, use);
+    children(f, row, end, j, t.work == device::cuda::Work::two_columns ? j + 2 : j + 1, use);
     for (int k = 0; k < std::min(j, f.pivot_tiles); ++k) {
       use(f.flag(diagonal ? f.block_of_column(j) : t.block, k), t.front);
       use(f.flag(f.block_of_column(j), k), t.front);
@@ -54,8 +54,15 @@ class PlanFlags {
   std::int64_t own_flag(const device::cuda::FactorTask& t) const {
     const device::cuda::Front& f = device_.fronts[t.front];
     if (t.work == device::cuda::Work::diagonal) return f.diagonal_flag(t.column);
-    if (t.work == device::cuda::Work::block) return f.flag(t.block, t.column);
+    if (t.work != device::cuda::Work::whole) return f.flag(t.block, t.column);
     return f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
+  }
+
+  /// Calls use(flag) for each flag that the task sets.
+  template <class Use>
+  void own_flags(const device::cuda::FactorTask& t, Use&& use) const {
+    use(own_flag(t));
+    if (t.work == device::cuda::Work::two_columns) use(own_flag(t) + device_.fronts[t.front].blocks);
   }
 
  private:

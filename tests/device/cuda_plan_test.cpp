@@ -19,6 +19,7 @@ namespace {
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
 using device::cuda::Front;
+using device::cuda::Work;
 
 struct Parameter {
   std::vector<std::string> words;
@@ -48,14 +49,27 @@ class CudaPlan : public ::testing::TestWithParam<Parameter> {
 
 // In the order of large fronts, too, whose rectangles and pairs small ones are too short for.
 TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
+  std::size_t two_columns = 0;
   const std::size_t tasks = lists_.tasks.size();
   for (const device::cuda::TaskOrder& order :
-       {device::cuda::TaskOrder{}, {1, 1, 1 << 30}, {2, 1, 0}, {3, 2, 1}, {4, 2, 2}}) {
-    SCOPED_TRACE(::testing::Message() << order.group_columns << ", " << order.group_blocks << ", " << order.pair_from);
+       {device::cuda::TaskOrder{},
+        {1, 1, 1 << 30},
+        {2, 1, 0},
+        {3, 2, 1},
+        {4, 2, 2},
+        device::cuda::TaskOrder{.two_columns = true},
+        {.group_columns = 3, .group_blocks = 2, .pair_from = 1, .two_columns = true}}) {
+    SCOPED_TRACE(::testing::Message() << order.group_columns << ", " << order.group_blocks << ", " << order.pair_from
+                                      << (order.two_columns ? ", two columns" : ""));
     const DevicePlan plan = device::cuda::make_device_plan(plan_, GetParam().kind, true, order);
     const auto& list = plan.lists.front().tasks;
-    ASSERT_EQ(list.size(), tasks) << "the same tasks in any order";
+    const auto twice = static_cast<std::size_t>(
+        std::count_if(list.begin(), list.end(), [](const FactorTask& t) { return t.work == Work::two_columns; }));
+    ASSERT_EQ(list.size() + twice, tasks) << "the same tiles in any order";
+    two_columns += order.two_columns ? twice : 0;
+    ASSERT_TRUE(order.two_columns || twice == 0);
     std::vector<char> set(static_cast<std::size_t>(plan.flags), 0);
+    std::vector<std::int32_t> of_front(plan.fronts.size(), 0);
     std::int64_t checked = 0;
     for (std::size_t at = 0; at < list.size(); ++at) {
       const FactorTask& t = list[at];
@@ -66,15 +80,21 @@ TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
             << "task " << at << " of front " << t.front << " column " << t.column;
         ++checked;
       });
-      const std::int64_t own = PlanFlags(plan).own_flag(t);
-      ASSERT_LT(own, plan.flags);
-      if (t.part == 0) {
-        ASSERT_EQ(set[static_cast<std::size_t>(own)], 0) << "two tasks set one flag";
-      }
-      set[static_cast<std::size_t>(own)] = 1;
+      PlanFlags(plan).own_flags(t, [&](std::int64_t own) {
+        ASSERT_LT(own, plan.flags);
+        if (t.part == 0) {
+          ASSERT_EQ(set[static_cast<std::size_t>(own)], 0) << "two tasks set one flag";
+        }
+        set[static_cast<std::size_t>(own)] = 1;
+      });
+      ++of_front[static_cast<std::size_t>(t.front)];
     }
     EXPECT_GT(checked, 0);
+    for (std::size_t f = 0; f < of_front.size(); ++f) ASSERT_EQ(of_front[f], plan.fronts[f].tasks) << "front " << f;
   }
+  const bool tall = std::any_of(device_.fronts.begin(), device_.fronts.end(),
+                                [](const Front& f) { return f.width == 64 && f.below > 3 * 64 + 64; });
+  EXPECT_EQ(two_columns > 0, tall);
 }
 
 TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
@@ -198,7 +218,7 @@ TEST_P(CudaPlan, EveryBlockOfPivotsIsInvertedOnce) {
 INSTANTIATE_TEST_SUITE_P(
     Systems, CudaPlan,
     ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt}, Parameter{{"elasticity", "7"}, Kind::ldlt},
-                      Parameter{{"gyroscopic", "7"}, Kind::lu}, Parameter{{"poisson", "9"}, Kind::llt},
+                      Parameter{{"gyroscopic", "7"}, Kind::lu}, Parameter{{"gyroscopic", "10"}, Kind::lu}, Parameter{{"poisson", "9"}, Kind::llt},
                       Parameter{{"plate", "30", "30"}, Kind::llt}, Parameter{{"kkt", "5", "3", "2", "2"}, Kind::ldlt}),
     [](const auto& tested) {
       std::string name;

@@ -1,11 +1,14 @@
 #include "device/cuda/executor/cuda_executor.hpp"
 
+#include <algorithm>
 #include <bit>
 #include <future>
 
 #include "base/beside.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
 #include "device/cuda/executor/plan_values.hpp"
+#include "device/cuda/kernels/factor_kernel.cuh"
+#include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/pinned_block.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 #include "device/cuda/tables/pairs.hpp"
@@ -48,6 +51,19 @@ bool open_paths(const std::vector<int>& devices) {
   return all;
 }
 
+// How tasks are listed for these devices.
+template <class T>
+TaskOrder order_for(const std::vector<int>& devices) {
+  TaskOrder order;
+  order.two_columns = std::all_of(devices.begin(), devices.end(), [](int device) {
+    const DeviceGuard guard(device);
+    bool takes = false;
+    call("task lists", [&] { return FactorKernel<T, Kind::llt>::takes_two_columns(takes); });
+    return takes;
+  });
+  return order;
+}
+
 }  // namespace
 
 template <class T>
@@ -58,7 +74,7 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const
       options_(options),
       devices_(options.devices.empty() ? std::vector<int>{options.device} : options.devices),
       peers_(!options.staging && open_paths(devices_)),
-      tables_(make_device_plan(plan, kind, peers_, {}, options.pool)),
+      tables_(make_device_plan(plan, kind, peers_, order_for<T>(devices_), options.pool)),
       context_{plan_,
                kind_,
                tables_,

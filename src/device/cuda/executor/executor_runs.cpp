@@ -95,7 +95,7 @@ std::vector<std::vector<TaskTime>> ExecutorOnDevices<T>::task_times() const {
 
 template <class T>
 void ExecutorOnDevices<T>::record(double began) {
-  constexpr const char* kNames[] = {"whole front", "diagonal tile", "row block"};
+  constexpr const char* kNames[] = {"whole front", "diagonal tile", "row block", "row block of two columns"};
   const auto times = task_times();
   for (std::size_t d = 0; d < times.size(); ++d) {
     std::uint64_t first = ~std::uint64_t{0};

@@ -29,6 +29,9 @@ struct FactorKernel {
   /// @param whole_elements  elements of shared memory that the largest whole front needs
   static cudaError_t shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape);
 
+  /// Whether the code for the current device takes Work::two_columns: FP32 by warpgroups (warpgroup_products.cuh).
+  static cudaError_t takes_two_columns(bool& takes);
+
   /// Runs tasks [first, end) of the state's list; the state's control and finished arrays must be zero before the first
   /// of the two kernels of a factorization.
   /// @param pair_sign  Half: 1, or -1 of a Hermitian matrix

@@ -36,7 +36,7 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     feed.waited = 0;
     feed.counter = state.control + (Wide ? kNextWide : kNextNarrow);
   }
-  fence_copies();
+  fence_shared();
   __syncthreads();
   Workshop<T> w{&state, {reinterpret_cast<T*>(area), barriers, stages, 0, &feed.waited}, &feed, n, T(pair_sign)};
   if (threadIdx.x < 32) {
@@ -77,6 +77,12 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     if (state.delay != 0 && threadIdx.x == 0) __nanosleep(state.delay);
     if (front.wait_begin < front.wait_end) wait_for_memory(state, front);
     const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
+    if constexpr (Wide && Shape<T, 128, 64, 2>::kWarpgroup) {
+      if (uniform(task.work == Work::two_columns)) {
+        two_columns_task<T, K, Shape<T, 128, 64, 2>>(w, front, task, any);
+        continue;
+      }
+    }
     if (uniform(task.work != Work::block))
       pivot_task<T, K, Wide, Half>(w, front, task);
     else if (Wide && uniform(front.width) == 64)
@@ -86,12 +92,22 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
   }
 }
 
+__device__ const int kMultipliesTogether = ESPALIER_WARPGROUP_PRODUCTS;
+
 template <class T, Kind K, bool Half, class Use>
 cudaError_t dispatch(bool wide, Use&& use) {
   return wide ? use(factor_kernel<T, K, true, Half>) : use(factor_kernel<T, K, false, Half>);
 }
 
 }  // namespace
+
+template <class T, Kind K, bool Half>
+cudaError_t FactorKernel<T, K, Half>::takes_two_columns(bool& takes) {
+  int together = 0;
+  const auto e = sizeof(T) == 4 ? cudaMemcpyFromSymbol(&together, kMultipliesTogether, sizeof(int)) : cudaSuccess;
+  takes = together != 0;
+  return e;
+}
 
 template <class T, Kind K, bool Half>
 cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape) {
@@ -101,11 +117,14 @@ cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_ele
   if (const auto e = cudaDeviceGetAttribute(&per_multiprocessor, cudaDevAttrMaxSharedMemoryPerMultiprocessor, device))
     return e;
   if (const auto e = cudaDeviceGetAttribute(&per_block, cudaDevAttrMaxSharedMemoryPerBlockOptin, device)) return e;
+  bool two_columns = false;
+  if (const auto e = wide ? takes_two_columns(two_columns) : cudaSuccess) return e;
   const std::size_t width = wide ? 64 : 32;
   const std::size_t stage = (kRowBlock + width) * kChunk * sizeof(T);
   // The last product of a block task, assembly's scratch tile, a diagonal tile with its inverse, a whole front.
   std::size_t least = (kRowBlock * width + width * width) * sizeof(T);
-  for (const std::size_t need : {(kRowBlock + 4) * width, 2 * width * (width + 4), whole_elements})
+  const std::size_t gathered = (kRowBlock + 4) * width * (two_columns ? 2 : 1);
+  for (const std::size_t need : {gathered, 2 * width * (width + 4), whole_elements})
     least = std::max(least, need * sizeof(T));
   constexpr std::size_t kReserved = 2048;  // per block: what the system keeps, and the static part
   const std::size_t share = static_cast<std::size_t>(per_multiprocessor) / (wide ? 2 : 3) - kReserved;

@@ -43,7 +43,8 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   if (threadIdx.x == 0) w.feed->waited += wait_for(flag, 1, s.control, s.patience);
 #if ESPALIER_BULK_COPIES
   if (threadIdx.x == 0) {
-    fence_copies();
+    fence_shared();
+    fence_global();
     barrier_expect(w.pipe.barriers, cols * cols * sizeof(T));
     for (int q = 0; q < cols / kChunk; ++q)
       bulk_copy(m + q * cols * kChunk, inverse + q * chunk_stride, cols * kChunk * sizeof(T), w.pipe.barriers);
@@ -70,6 +71,57 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   products.finish();
 }
 
+/// Where tile column j of the contribution begins, with its first row.
+template <class T>
+__device__ inline T* contribution_column(const Workshop<T>& w, const Front& f, int j, int part) {
+  const int b = j - f.pivot_tiles, first = b * f.width;
+  if (f.first_place >= 0) return w.state->places[f.place(b, part)];
+  return w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(first, first);
+}
+
+/// Writes -acc column-major: `height` rows and `width` columns, or S::kWidth, from accumulators [.][first] on.
+template <class T, class S>
+__device__ __forceinline__ void store_columns(const Accumulator<T, S>& acc, int first, T* to, std::int64_t ld,
+                                              int height, int width, const Corner<S>& at) {
+  const int r = at.row + (at.lane >> 2), c = 2 * (at.lane & 3);
+  T* column = to + c * ld + r;
+#pragma unroll
+  for (int n = 0; n < S::kWidth / 8; ++n, column += 8 * ld)
+#pragma unroll
+    for (int u = 0; u < 2; ++u)
+#pragma unroll
+      for (int m = 0; m < S::kM; ++m)
+#pragma unroll
+        for (int h = 0; h < 2; ++h)
+          if (r + S::kRowStep * m + 8 * h < height && c + 8 * n + u < width)
+            column[u * ld + S::kRowStep * m + 8 * h] = -acc[m][first + n][2 * h + u];
+}
+
+/// See Work::two_columns. Larger blocks read each operand less often.
+template <class T, Kind K, class S>
+__device__ __forceinline__ void two_columns_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  const FactorState<T>& s = *w.state;
+  const Corner<S> at;
+  const int j = task.column, a = task.block, part = task.part;
+  const int col = f.column_begin(j), cols = f.column_end(j + 1) - col;
+  const auto [row, rows] = rows_of(f, task);
+  T acc[S::kM][S::kN][4];
+  const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
+  const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
+  const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
+  const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
+  const ChunkSum<T> sum{&f, left, right, false, f.pivot_pad / kChunk, flag_a, flag_b, f.blocks};
+  sum_tile<false, T, S>(acc, w, sum, any, 0, operand_scales<K>(s.largest(), s.growth(), part));
+  const int below_row = row - f.pivot_pad, below_col = col - f.pivot_pad;
+  const int height = min(rows, f.below - below_row), width = min(cols, f.below - below_col);
+  const std::int64_t ld = f.below_ld - below_col;
+  T* const to = contribution_column(w, f, j, part) + (below_row - below_col);
+  store_columns<T, S>(acc, 0, to, ld, height, width, at);
+  T* const next = contribution_column(w, f, j + 1, part) + (below_row - below_col - S::kWidth);
+  store_columns<T, S>(acc, S::kN / 2, next, ld - S::kWidth, height, width - S::kWidth, at);
+  finish_task(w, task.front, f.flag(a, j), part, f.blocks, waiting_peers(s, f, true), [](int) {});
+}
+
 /// One row block of a tile column, in S::kRows x S::kWidth at most.
 template <class T, Kind K, bool Half, class S>
 __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
@@ -90,14 +142,12 @@ __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const
   if (!pivot) {
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
-    T* to = f.first_place >= 0
-                ? s.places[f.place(j - f.pivot_tiles, part)]
-                : w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(c0, c0);
+    T* to = contribution_column(w, f, j, part);
     for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
       if (r < rows && c < cols && r0 + r < f.below && c0 + c < f.below && r0 + r >= c0 + c)
         to[c * ld + (r0 - c0) + r] = -acc[m][n][e];
     });
-    finish_task(w, task.front, f.flag(a, j), part, false, waiting_peers(s, f, true), [](int) {});
+    finish_task(w, task.front, f.flag(a, j), part, 0, waiting_peers(s, f, true), [](int) {});
   } else {
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
     const int q = col / kChunk;
@@ -123,7 +173,7 @@ __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const
         });
     }
     store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
-    finish_task(w, task.front, f.flag(a, j), part, false, peers,
+    finish_task(w, task.front, f.flag(a, j), part, 0, peers,
                 [&](int d) { store_panels<T, S>(acc, T(1), s.peers.top[d] + (to - base), stride, rows, cols, at); });
   }
 }
@@ -203,7 +253,7 @@ __device__ __forceinline__ void pivot_task(Workshop<T>& w, const Front& f, const
     finish_whole<T, K>(w, f, task);
     return;
   }
-  finish_task(w, task.front, f.diagonal_flag(j), 0, false, pivot_peers(s, f), [&](int d) {
+  finish_task(w, task.front, f.diagonal_flag(j), 0, 0, pivot_peers(s, f), [&](int d) {
     const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - col) * kChunk;
     if (f.region == 0)
       for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)

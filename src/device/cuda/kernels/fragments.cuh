@@ -8,22 +8,23 @@
 
 namespace espalier::device::cuda {
 
-/// Shape of a block of `Rows` x `Width` and how the four warps share it: each has a corner, or, where they multiply
-/// together as a warpgroup, 16 of every 64 rows.
-template <class T, int Rows, int Width>
+/// Shape of a block of `Rows` rows in `Columns` tile columns of `Width` and how the four warps share it: each has a
+/// corner, or, where they multiply together as a warpgroup, 16 of every 64 rows.
+template <class T, int Rows, int Width, int Columns = 1>
 struct Shape {
   static constexpr bool kHalf = false;  ///< see half_products.cuh
   static constexpr int kRows = Rows;
-  static constexpr int kWidth = Width;
+  static constexpr int kWidth = Width;           ///< of a tile column
+  static constexpr int kCols = Width * Columns;  ///< of the block
   static constexpr bool kWarpgroup = ESPALIER_WARPGROUP_PRODUCTS && sizeof(T) == 4 && Rows % 64 == 0;
   static constexpr int kWarpsN = kWarpgroup ? 1 : (Width == 64 ? 2 : (Rows == 32 ? 2 : 1));
   static constexpr int kWarpsM = 4 / kWarpsN;
   static constexpr int kWarpRows = kWarpgroup ? 16 : Rows / kWarpsM;  ///< from one warp's first row to the next one's
-  static constexpr int kWarpCols = Width / kWarpsN;
+  static constexpr int kWarpCols = kCols / kWarpsN;
   static constexpr int kRowStep = kWarpgroup ? 64 : 16;  ///< from one of its accumulators to the next one
   static constexpr int kM = Rows / kWarpsM / 16;         ///< 16 x 8 accumulators of a warp
   static constexpr int kN = kWarpCols / 8;
-  static constexpr int kStage = (Rows + Width) * kChunk;  ///< elements of one pipeline stage
+  static constexpr int kStage = (Rows + kCols) * kChunk;  ///< elements of one pipeline stage
   static constexpr int kLd = Rows + 4;                    ///< of a column-major scratch tile, free of bank conflicts
 };
 

@@ -49,7 +49,7 @@ __device__ inline Target<T> target_of(const Front& f, const FactorTask& task, T*
     return x;
   }
   x.tile_col = j;
-  x.tile_col_end = j + 1;
+  x.tile_col_end = task.work == Work::two_columns ? j + 2 : j + 1;
   x.col0 = tile_begin(f, j);
   if (task.work == Work::diagonal) {
     x.ld = f.width + 4;
@@ -91,7 +91,7 @@ __device__ inline bool gather(const FactorState<T>& s, const Front& f, const Fac
   }
   const Target<T> x = target_of<T, K>(f, task, area);
   if (x.tile_col >= f.pivot_tiles && f.link_begin == f.link_end) return false;
-  zero_area(area, x.ld * (task.work == Work::whole ? f.total_pad : f.width));
+  zero_area(area, x.ld * (task.work == Work::whole ? f.total_pad : f.width * (x.tile_col_end - x.tile_col)));
   __syncthreads();
   const unsigned here = assemble<T, K == Kind::lu>(s, f, x);
   if (threadIdx.x == 0) waited += here;
@@ -104,7 +104,7 @@ __device__ inline void take_gathered(Accumulator<T, S>& acc, const T* area, bool
   const Corner<S> at;
   for_each_element<S>(at,
                       [&](int m, int n, int e, int r, int c) { acc[m][n][e] = any ? -area[c * S::kLd + r] : T(0); });
-  fence_copies();
+  fence_shared();
   __syncthreads();
 }
 

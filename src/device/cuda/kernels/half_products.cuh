@@ -38,7 +38,7 @@ __device__ inline void take_gathered_half(Accumulator<T, HalfShape<S>>& half, co
         const T x = !any ? T(0) : above ? sign * area[(c - 1) * S::kLd + r + 1] : area[c * S::kLd + r];
         half[m][n][e] = -x;
       }
-  fence_copies();
+  fence_shared();
   __syncthreads();
 }
 

@@ -44,6 +44,11 @@ __device__ inline int load_relaxed(const int* p) {
 __device__ inline void store_release(int* p, int v) {
   asm volatile("st.release.gpu.global.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
 }
+__device__ inline void store_relaxed(int* p, int v) {
+  asm volatile("st.relaxed.gpu.global.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
+}
+/// As fence_devices(), for this device.
+__device__ inline void fence_device() { asm volatile("fence.acq_rel.gpu;" ::: "memory"); }
 /// Orders everything that this block of threads has written (as far as a barrier has brought it to this thread's
 /// knowledge) before what this thread writes from now on, for all devices.
 __device__ inline void fence_devices() { asm volatile("fence.acq_rel.sys;" ::: "memory"); }
@@ -59,8 +64,8 @@ __device__ inline int claim_devices(int* p, int v) {
   asm volatile("atom.acq_rel.sys.global.cas.b32 %0,[%1],0,%2;" : "=r"(before) : "l"(p), "r"(v) : "memory");
   return before;
 }
-__device__ inline void add_release(int* p, int v) {
-  asm volatile("red.release.gpu.global.add.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
+__device__ inline void add_relaxed(int* p, int v) {
+  asm volatile("red.relaxed.gpu.global.add.s32 [%0],%1;" ::"l"(p), "r"(v) : "memory");
 }
 __device__ inline std::uint64_t global_nanoseconds() {
   std::uint64_t t;
@@ -68,10 +73,17 @@ __device__ inline std::uint64_t global_nanoseconds() {
   return t;
 }
 
-/// Orders this thread's ordinary accesses to global and shared memory with the copy engine's.
-__device__ inline void fence_copies() {
+/// Orders this thread's ordinary accesses to shared memory with those of the copy engine and the tensor cores.
+__device__ inline void fence_shared() {
 #if ESPALIER_BULK_COPIES
-  asm volatile("fence.proxy.async;" ::: "memory");
+  asm volatile("fence.proxy.async.shared::cta;" ::: "memory");
+#endif
+}
+/// Orders this thread's ordinary accesses to global memory with the copy engine's. (The fence for both memories at once
+/// waits until all that the thread has written has reached the L2 cache, which takes most of a microsecond.)
+__device__ inline void fence_global() {
+#if ESPALIER_BULK_COPIES
+  asm volatile("fence.proxy.async.global;" ::: "memory");
 #endif
 }
 

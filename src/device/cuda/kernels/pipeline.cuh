@@ -75,11 +75,14 @@ class ChunkLoader {
       stage_ = stage_ + 1 == pipe_.depth ? 0 : stage_ + 1;
     }
   }
-  /// The same for whole tile columns, of which the ring has room for `rounds`; each completes on the barrier of its
-  /// first chunk.
-  __device__ void issue_columns(int wanted, int done, int rounds) {
-    while (issued_ < columns_ && issued_ < done + rounds && finished(issued_, issued_ <= wanted)) {
-      const int first = issued_ * kPerTile, count = min(kPerTile, sum_.chunks - first), stage = stage_ * kPerTile;
+  /// The same for groups of `Together` chunks, of which the ring has room for `rounds`; each completes on the barrier
+  /// of its first chunk.
+  template <int Together>
+  __device__ void issue_groups(int wanted, int done, int rounds) {
+    static_assert(kPerTile % Together == 0);
+    const int groups = (sum_.chunks + Together - 1) / Together;
+    while (issued_ < groups && issued_ < done + rounds && finished(issued_ * Together / kPerTile, issued_ <= wanted)) {
+      const int first = issued_ * Together, count = min(Together, sum_.chunks - first), stage = stage_ * Together;
       if (lane_ == 0) barrier_expect(pipe_.barriers + stage, count * (bytes_of_a() + bytes_of_b()));
       __syncwarp();
       if (lane_ < count) copy(first + lane_, stage + lane_, pipe_.barriers + stage);
@@ -101,7 +104,7 @@ class ChunkLoader {
     const unsigned mask = __ballot_sync(0xffffffffu, now);
     ready_ += mask == 0xffffffffu ? 32 : __ffs(~mask) - 1;
     __syncwarp();
-    fence_copies();
+    fence_global();
   }
   // Whether the tile column is finished; waits for one that it `must` have.
   __device__ bool finished(int column, bool must) {
@@ -135,7 +138,7 @@ class ChunkLoader {
   int* control_;
   std::uint64_t patience_;
   int columns_, lane_;
-  int issued_ = 0, stage_ = 0;  // chunks and their stages, or tile columns
+  int issued_ = 0, stage_ = 0;  // chunks and their stages, or groups
   int ready_ = 0;               // tile columns, from the left
 };
 

@@ -277,7 +277,8 @@ __device__ void keep_block(SolveBench<T, R, K>& b, const T* factor, int first, i
     return;
   }
   if (threadIdx.x != 0) return;
-  fence_copies();
+  fence_shared();
+  fence_global();
   unsigned bytes = 0;
 #pragma unroll 1
   for (int c = first; c < last; c += kChunk) bytes += (end - (c >> f.width_log2 << f.width_log2)) * kChunk * sizeof(T);

@@ -63,7 +63,7 @@ __global__ void __launch_bounds__(threads_of(P), per_multiprocessor(P, C))
     if (threadIdx.x == 0) {
       b.keeps = keep;
       if (keep) barrier_init(&b.kept_barrier);
-      fence_copies();
+      fence_shared();
     }
   }
   for (;;) {

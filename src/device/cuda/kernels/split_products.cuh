@@ -3,7 +3,7 @@
 /// three of the four products of parts are added up (Markidis et al. 2018; Ootomo and Yokota 2022). The fourth one, of
 /// the low parts, lies below the rounding of FP32.
 ///
-/// Tensor cores cut off what they add to their sums. So a sum is taken over 64 columns only; these partial sums are
+/// Tensor cores cut off what they add to their sums. So a sum is taken over 32 columns only; these partial sums are
 /// added in FP32, which rounds to nearest. Without that, errors grow with the number of pivots.
 #pragma once
 
@@ -140,18 +140,16 @@ __device__ inline void multiply_split_chunk(Accumulator<float, S>& sums, const f
 }
 
 /// acc += sums, back from their scales.
-template <Parts P, class S>
-__device__ inline void take_sums(Accumulator<float, S>& acc, const Accumulator<float, S>& sums, HalfScales scales) {
+template <Parts P, int N>
+__device__ inline void take_sums(float (&acc)[N][4], const float (&sums)[N][4], HalfScales scales) {
   const float back = P == Parts::half ? 1 / (scales.a * scales.b) : 1.0f;
 #pragma unroll
-  for (int m = 0; m < S::kM; ++m)
+  for (int n = 0; n < N; ++n)
 #pragma unroll
-    for (int n = 0; n < S::kN; ++n)
-#pragma unroll
-      for (int e = 0; e < 4; ++e) acc[m][n][e] = fmaf(sums[m][n][e], back, acc[m][n][e]);
+    for (int e = 0; e < 4; ++e) acc[n][e] = fmaf(sums[n][e], back, acc[n][e]);
 }
 
-inline constexpr int kChunksPerSum = 4;  ///< of a partial sum
+inline constexpr int kChunksPerSum = 2;  ///< of a partial sum
 
 /// Adds products of chunks to an accumulator: add() for each, finish() at the end.
 template <class T, Parts P, class S>
@@ -176,7 +174,8 @@ class Products<float, P, S> {
   }
   __device__ void finish() {
     chunks_ = 0;
-    take_sums<P, S>(acc_, sums_, scales_);
+#pragma unroll
+    for (int m = 0; m < S::kM; ++m) take_sums<P>(acc_[m], sums_[m], scales_);
 #pragma unroll
     for (int m = 0; m < S::kM; ++m)
 #pragma unroll

@@ -114,30 +114,35 @@ __device__ inline unsigned pivot_peers(const FactorState<T>& s, const Front& f) 
 
 /// Makes the task's writes visible and sets its flags, first here, then, after push(d), at every device d of `peers`;
 /// meanwhile warp 1 fetches the next task.
+/// @param second  a second flag stands so much further on; 0: there is none
 template <class T, class Push>
-__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, bool both, unsigned peers,
+__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, std::int64_t second, unsigned peers,
                             Push&& push) {
   const FactorState<T>& s = *w.state;
-  fence_copies();
+  fence_shared();
+  fence_global();
   int id = 0;
   if (threadIdx.x == 32) id = w.feed->first + atomicAdd(w.feed->counter, 1);
   __syncthreads();
   if (threadIdx.x == 0) {
-    if (s.peers.same_memory) fence_devices();
-    store_release(s.flags(part) + flag, 1);
-    if (both) store_release(s.flags(1) + flag, 1);
-    add_release(s.finished + front, 1);
+    if (s.peers.same_memory)
+      fence_devices();
+    else
+      fence_device();
+    store_relaxed(s.flags(part) + flag, 1);
+    if (second != 0) store_relaxed(s.flags(part) + flag + second, 1);
+    add_relaxed(s.finished + front, 1);
   }
   if (peers != 0) {
     for_each_device(peers, push);
-    fence_copies();
+    fence_global();
     __syncthreads();
     if (threadIdx.x == 0) {
       fence_devices();
       for_each_device(peers, [&](int d) {
-        int* flags = s.peers.flag[d] + flag;
-        store_relaxed_devices(flags + part * s.part_flags, 1);
-        if (both) store_relaxed_devices(flags + s.part_flags, 1);
+        int* own = s.peers.flag[d] + part * s.part_flags + flag;
+        store_relaxed_devices(own, 1);
+        if (second != 0) store_relaxed_devices(own + second, 1);
       });
     }
   }

@@ -49,55 +49,70 @@ struct RowsOfA {
   unsigned top[2], bottom[2];  ///< panels of rows 0 to 7 and 8 to 15
 };
 
-/// d (64 x 64 or 64 x 32, 16 rows of each warp) += A B^T, or without `add` d = A B^T; may be under way on return.
+/// d (64 x 8 N, 16 rows of each warp) += A B^T, or without `add` d = A B^T; may be under way on return.
+#define ESPALIER_SUMS(n) "+f"(d[n][0]), "+f"(d[n][1]), "+f"(d[n][2]), "+f"(d[n][3])
+#define ESPALIER_FOUR_SUMS(n) ESPALIER_SUMS(n), ESPALIER_SUMS(n + 1), ESPALIER_SUMS(n + 2), ESPALIER_SUMS(n + 3)
+#define ESPALIER_ROWS_OF_A "r"(a.top[0]), "r"(a.bottom[0]), "r"(a.top[1]), "r"(a.bottom[1])
+__device__ __forceinline__ void multiply_together(float (&d)[16][4], const RowsOfA& a, std::uint64_t b, int add) {
+  asm volatile(
+      "{\n.reg .pred add;\nsetp.ne.b32 add,%69,0;\n"
+      "wgmma.mma_async.sync.aligned.m64n128k16.f32.f16.f16 "
+      "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15,%16,%17,%18,%19,%20,%21,%22,%23,%24,%25,%26,%27,%28,%29,%"
+      "30,%31,%32,%33,%34,%35,%36,%37,%38,%39,%40,%41,%42,%43,%44,%45,%46,%47,%48,%49,%50,%51,%52,%53,%54,%55,%56,%57,%"
+      "58,%59,%60,%61,%62,%63},{%64,%65,%66,%67},%68,add,1,1,0;\n}"
+      : ESPALIER_FOUR_SUMS(0), ESPALIER_FOUR_SUMS(4), ESPALIER_FOUR_SUMS(8), ESPALIER_FOUR_SUMS(12)
+      : ESPALIER_ROWS_OF_A, "l"(b), "r"(add));
+}
 __device__ __forceinline__ void multiply_together(float (&d)[8][4], const RowsOfA& a, std::uint64_t b, int add) {
   asm volatile(
       "{\n.reg .pred add;\nsetp.ne.b32 add,%37,0;\n"
       "wgmma.mma_async.sync.aligned.m64n64k16.f32.f16.f16 "
       "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15,%16,%17,%18,%19,%20,%21,%22,%23,%24,%25,%26,%27,%28,%29,%"
       "30,%31},{%32,%33,%34,%35},%36,add,1,1,0;\n}"
-      : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
-        "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
-        "+f"(d[3][2]), "+f"(d[3][3]), "+f"(d[4][0]), "+f"(d[4][1]), "+f"(d[4][2]), "+f"(d[4][3]), "+f"(d[5][0]),
-        "+f"(d[5][1]), "+f"(d[5][2]), "+f"(d[5][3]), "+f"(d[6][0]), "+f"(d[6][1]), "+f"(d[6][2]), "+f"(d[6][3]),
-        "+f"(d[7][0]), "+f"(d[7][1]), "+f"(d[7][2]), "+f"(d[7][3])
-      : "r"(a.top[0]), "r"(a.bottom[0]), "r"(a.top[1]), "r"(a.bottom[1]), "l"(b), "r"(add));
+      : ESPALIER_FOUR_SUMS(0), ESPALIER_FOUR_SUMS(4)
+      : ESPALIER_ROWS_OF_A, "l"(b), "r"(add));
 }
 __device__ __forceinline__ void multiply_together(float (&d)[4][4], const RowsOfA& a, std::uint64_t b, int add) {
   asm volatile(
       "{\n.reg .pred add;\nsetp.ne.b32 add,%21,0;\n"
       "wgmma.mma_async.sync.aligned.m64n32k16.f32.f16.f16 "
       "{%0,%1,%2,%3,%4,%5,%6,%7,%8,%9,%10,%11,%12,%13,%14,%15},{%16,%17,%18,%19},%20,add,1,1,0;\n}"
-      : "+f"(d[0][0]), "+f"(d[0][1]), "+f"(d[0][2]), "+f"(d[0][3]), "+f"(d[1][0]), "+f"(d[1][1]), "+f"(d[1][2]),
-        "+f"(d[1][3]), "+f"(d[2][0]), "+f"(d[2][1]), "+f"(d[2][2]), "+f"(d[2][3]), "+f"(d[3][0]), "+f"(d[3][1]),
-        "+f"(d[3][2]), "+f"(d[3][3])
-      : "r"(a.top[0]), "r"(a.bottom[0]), "r"(a.top[1]), "r"(a.bottom[1]), "l"(b), "r"(add));
+      : ESPALIER_FOUR_SUMS(0)
+      : ESPALIER_ROWS_OF_A, "l"(b), "r"(add));
 }
+#undef ESPALIER_SUMS
+#undef ESPALIER_FOUR_SUMS
+#undef ESPALIER_ROWS_OF_A
 
 /// What was written to shared memory and to accumulators stands there for the products that follow.
 __device__ inline void begin_products() { asm volatile("wgmma.fence.sync.aligned;" ::: "memory"); }
 __device__ inline void commit_products() { asm volatile("wgmma.commit_group.sync.aligned;" ::: "memory"); }
 /// All products are done.
-template <class S>
-__device__ inline void wait_for_products(Accumulator<float, S>& sums) {
+template <int M, int N>
+__device__ inline void wait_for_products(float (&sums)[M][N][4]) {
   asm volatile("wgmma.wait_group.sync.aligned 0;" ::: "memory");
 #pragma unroll
-  for (int m = 0; m < S::kM; ++m)
+  for (int m = 0; m < M; ++m)
 #pragma unroll
-    for (int n = 0; n < S::kN; ++n)
+    for (int n = 0; n < N; ++n)
 #pragma unroll
       for (int e = 0; e < 4; ++e) asm volatile("" : "+f"(sums[m][n][e])::"memory");
 }
 
-/// This warp's rows of A in one chunk, split.
+/// Of the 64 rows times kM of a block, so many times 64 are multiplied at a time: there are registers for 64 partial
+/// sums a thread.
+template <class S>
+inline constexpr int kRowsAtATime = S::kM* S::kN > 16 ? 16 / S::kN : S::kM;
+
+/// This warp's rows of A in one chunk, split: those of accumulators first, first + 1, ...
 template <class S>
 struct SplitRows {
-  RowsOfA high[S::kM], low[S::kM];
+  RowsOfA high[kRowsAtATime<S>], low[kRowsAtATime<S>];
 
-  __device__ __forceinline__ SplitRows(const float* a, const Corner<S>& at, float scale) {
+  __device__ __forceinline__ SplitRows(const float* a, int first, const Corner<S>& at, float scale) {
 #pragma unroll
-    for (int m = 0; m < S::kM; ++m) {
-      const float* panel = a + (at.row + S::kRowStep * m) * kChunk;
+    for (int m = 0; m < kRowsAtATime<S>; ++m) {
+      const float* panel = a + (at.row + S::kRowStep * (first + m)) * kChunk;
       const auto top = split_panel<Parts::half>(panel, at.lane, scale);
       const auto bottom = split_panel<Parts::half>(panel + 128, at.lane, scale);
       high[m] = {{top.high[0], top.high[1]}, {bottom.high[0], bottom.high[1]}};
@@ -108,54 +123,60 @@ struct SplitRows {
 
 /// sums (+)= A B^T for a chunk; the rows of B have been split in shared memory.
 template <class S>
-__device__ __forceinline__ void multiply_split_stage(Accumulator<float, S>& sums, const SplitRows<S>& a, const float* b,
-                                                     bool add) {
+__device__ __forceinline__ void multiply_split_stage(float (&sums)[kRowsAtATime<S>][S::kN][4], const SplitRows<S>& a,
+                                                     const float* b, bool add) {
   const std::uint64_t b_high = describe(b, 0), b_low = describe(b, 1);
 #pragma unroll
-  for (int m = 0; m < S::kM; ++m) {
+  for (int m = 0; m < kRowsAtATime<S>; ++m) {
     multiply_together(sums[m], a.low[m], b_high, add ? 1 : 0);
     multiply_together(sums[m], a.high[m], b_low, 1);
     multiply_together(sums[m], a.high[m], b_high, 1);
   }
 }
 
-/// acc += the sum, tile column by tile column; each is a partial sum. Where the last one is short, zeros take the place
-/// of the chunks that are missing. Every warp splits its own rows of A on the way to its registers; those of B, which
-/// all need, are split in shared memory. While this block splits a tile column, the tensor cores have another block's.
+/// acc += the sum, by groups of chunks, each a partial sum. Where the last group is short, zeros take the place of the
+/// chunks that are missing. Every warp splits its own rows of A on the way to its registers; those of B, which all
+/// need, are split in shared memory. While this block splits, the tensor cores have another block's products.
 template <class S>
 __device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, const ChunkSum<float>& sum,
                                                  ChunkLoader<float, S>& loader, Pipeline<float>& pipe,
                                                  HalfScales scales) {
-  constexpr int kTogether = S::kWidth / kChunk;
-  static_assert(kTogether <= kChunksPerSum);
-  const Corner<S> at;
-  const int columns = (uniform(sum.chunks) + kTogether - 1) / kTogether, rounds = uniform(pipe.depth) / kTogether;
+  constexpr int kTogether = kChunksPerSum, kGroup = kTogether * S::kStage, kRows = kRowsAtATime<S>;
+  // The ring is laid out for blocks of one tile column.
+  constexpr int kStageInRing = Shape<float, S::kRows, S::kWidth>::kStage;
   constexpr int kB = S::kRows * kChunk;                // where the rows of B begin in a stage
   const int from_b = uniform(sum.same) != 0 ? 0 : kB;  // ... and where they are found
-  for (int column = 0, round = 0; column < columns; ++column) {
-    if (threadIdx.x < 32) loader.issue_columns(column, column, rounds);
+  const Corner<S> at;
+  const int groups = (uniform(sum.chunks) + kTogether - 1) / kTogether;
+  const int rounds = uniform(pipe.depth) * kStageInRing / kGroup;
+  for (int group = 0, round = 0; group < groups; ++group) {
+    if (threadIdx.x < 32) loader.template issue_groups<kTogether>(group, group, rounds);
     __syncwarp();
-    float* const stages = pipe.stages + round * kTogether * S::kStage;
+    float* const stages = pipe.stages + round * kGroup;
     pipe.wait(round * kTogether);
-    const int missing = max(0, (column + 1) * kTogether - sum.chunks);
+    const int missing = max(0, (group + 1) * kTogether - sum.chunks);
     for (int x = static_cast<int>(threadIdx.x); x < missing * S::kStage; x += kThreads)
       stages[(kTogether - missing) * S::kStage + x] = 0;
     if (missing > 0) __syncthreads();
-#pragma unroll 2
-    for (int k = 0; k < kTogether; ++k)
-      split_rows<S::kWidth>(stages + k * S::kStage + from_b, stages + k * S::kStage + kB, scales.b);
-    fence_copies();
-    __syncthreads();
-    float sums[S::kM][S::kN][4];
 #pragma unroll
-    for (int k = 0; k < kTogether; ++k) {
-      const SplitRows<S> a(stages + k * S::kStage, at, scales.a);
-      begin_products();
-      multiply_split_stage<S>(sums, a, stages + k * S::kStage + kB, k > 0);
+    for (int k = 0; k < kTogether; ++k)
+      split_rows<S::kCols>(stages + k * S::kStage + from_b, stages + k * S::kStage + kB, scales.b);
+    fence_shared();
+    __syncthreads();
+#pragma unroll
+    for (int m = 0; m < S::kM; m += kRows) {
+      float sums[kRows][S::kN][4];
+#pragma unroll
+      for (int k = 0; k < kTogether; ++k) {
+        const SplitRows<S> a(stages + k * S::kStage, m, at, scales.a);
+        begin_products();
+        multiply_split_stage<S>(sums, a, stages + k * S::kStage + kB, k > 0);
+      }
+      commit_products();
+      wait_for_products(sums);
+#pragma unroll
+      for (int x = 0; x < kRows; ++x) take_sums<Parts::half>(acc[m + x], sums[x], scales);
     }
-    commit_products();
-    wait_for_products<S>(sums);
-    take_sums<Parts::half, S>(acc, sums, scales);
     __syncthreads();
     round = round + 1 == rounds ? 0 : round + 1;
   }

@@ -110,12 +110,14 @@ __device__ void finish_whole(Workshop<T>& w, const Front& f, const FactorTask& t
   __syncthreads();
   if (f.below > 0) write_contribution<T, K>(s, w.base(), f, a, ld);
   const std::int64_t flag = f.below > 0 ? f.flag(f.pivot_blocks, f.pivot_tiles) : f.diagonal_flag(0);
-  finish_task(w, task.front, flag, 0, K == Kind::lu, waiting_peers(s, f, true) | pivot_peers(s, f), [&](int d) {
-    if ((f.members >> d & 1) == 0) return;
-    if (f.region == 0)
-      for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k) copy_to_peer(s, d, array_of(w.base(), f, k), f.factor_size());
-    copy_pivots_to_peer<T, K>(s, d, f.position, f.pivots, w.n);
-  });
+  finish_task(w, task.front, flag, 0, K == Kind::lu ? s.part_flags : 0, waiting_peers(s, f, true) | pivot_peers(s, f),
+              [&](int d) {
+                if ((f.members >> d & 1) == 0) return;
+                if (f.region == 0)
+                  for (int k = 0; k < (K == Kind::lu ? 2 : 1); ++k)
+                    copy_to_peer(s, d, array_of(w.base(), f, k), f.factor_size());
+                copy_pivots_to_peer<T, K>(s, d, f.position, f.pivots, w.n);
+              });
 }
 
 }  // namespace espalier::device::cuda

@@ -131,7 +131,7 @@ __global__ void __launch_bounds__(kThreads, 2)
   __shared__ Front f;
   if (threadIdx.x == 0)
     for (int b = 0; b < kGroupStages; ++b) barrier_init(barriers + b);
-  fence_copies();
+  fence_shared();
   const FactorTask task = begin_task(s, first, f);
   const RowRange at = rows_of_tile(f, task);
   const int j = task.column, col = f.column_begin(j), cols = f.column_end(j) - col;

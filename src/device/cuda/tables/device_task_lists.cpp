@@ -190,9 +190,14 @@ class TaskLister {
   template <class Use>
   void list_column(const Column& c, Use&& use) const {
     const Front& x = d_.fronts[c.front];
-    const auto task = [&](Work work, int part, Index block, Index column) {
+    const auto one = [&](Work work, int part, Index block, Index column) {
       use(FactorTask{c.front, work, static_cast<std::int8_t>(part), static_cast<std::uint16_t>(x.region), block,
                      column});
+    };
+    const auto task = [&](Work work, int part, Index block, Index column) {
+      const auto owner = [&](Index j) { return plan_.ownership.owner(c.front, j); };
+      if (work != Work::two_columns || owner(column) == owner(column + 1)) return one(work, part, block, column);
+      for (const Index j : {column, column + 1}) one(Work::block, part, block, j);
     };
     if (c.column < 0)
       task(Work::whole, 0, 0, 0);

@@ -4,7 +4,7 @@
 /// A front is seen *padded*: its pivots fill rows 0 .. pivot_pad-1, its rows below pivot_pad .. total_pad-1, both
 /// rounded up to whole groups of 16 (padding is zero, but for ones on the diagonal of pivot tiles). Columns are cut
 /// into *tile columns* of `width`; the rows of the pivots and the rows below are each cut into *row blocks* of 128. A
-/// task makes the part of one row block that lies in one tile column.
+/// task makes the part of one row block that lies in one tile column, or in two neighbouring ones.
 ///
 /// Fronts belong to *regions* of memory, each of which is contiguous, on whatever device: the kernels get a table
 /// of their bases, and the offsets in a Front count from the base of its region.
@@ -159,7 +159,13 @@ struct Link {
   std::int64_t bound = 0;
 };
 
-enum class Work : std::int8_t { whole, diagonal, block };
+enum class Work : std::int8_t {
+  whole,       ///< a small front
+  diagonal,    ///< the diagonal tile of a pivot column
+  block,       ///< a row block's part of a tile column
+  two_columns  ///< a full row block's parts of tile columns `column` and `column` + 1 of the contribution, both of
+               ///< which begin above it; of FP32, where multiplies_together()
+};
 
 /// One unit of work of the factorization. `part` 1: the block of U^T (lu).
 struct FactorTask {

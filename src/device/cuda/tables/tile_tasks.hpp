@@ -20,6 +20,8 @@ struct TaskOrder {
   /// The diagonal tile of the next column is listed as soon as what it needs has been, so that it is ready when that
   /// column begins; else at the head of its own column.
   bool look_ahead = true;
+  /// Wide tile columns of the contribution go two by two where a device takes them so (Work::two_columns).
+  bool two_columns = false;
 
   /// One tile column after another: out of core, where the columns to the left come by in groups anyway.
   static constexpr TaskOrder by_columns(bool look_ahead) {
@@ -55,10 +57,28 @@ class TileTasks {
   // Columns [begin, end) of the contribution, in rectangles of the rows.
   template <class Use>
   void contribution(const Front& x, Index begin, Index end, Use& use) const {
-    for (Index first = x.block_of_column(begin); first < x.blocks; first += order_.group_blocks)
-      for (Index j = begin; j < end; ++j)
-        for (Index a = first; a < std::min(first + order_.group_blocks, x.blocks); ++a)
-          if (x.block_end(a) > x.column_begin(j)) block(a, j, use);
+    for (Index first = x.block_of_column(begin); first < x.blocks; first += order_.group_blocks) {
+      const Index last = std::min(first + order_.group_blocks, x.blocks);
+      for (Index j = begin; j < end;) {
+        const Index next = j + (two_from(x, j) && j + 1 < end ? 2 : 1);
+        for (Index a = first; a < last; ++a)
+          if (next == j + 2 && goes_with_two(x, a, j)) {
+            for (int part = 0; part < parts_; ++part) use(Work::two_columns, part, a, j);
+          } else {
+            for (Index k = j; k < next; ++k)
+              if (x.block_end(a) > x.column_begin(k)) block(a, k, use);
+          }
+        j = next;
+      }
+    }
+  }
+  // Whether column j of the contribution may go with the next one: both lie in one row block.
+  [[nodiscard]] bool two_from(const Front& x, Index j) const {
+    return order_.two_columns && x.width == kWideTiles && (j - x.pivot_tiles) % 2 == 0;
+  }
+  // Below the diagonal, and too many rows for a block of half the size.
+  [[nodiscard]] static bool goes_with_two(const Front& x, Index a, Index j) {
+    return x.block_begin(a) >= x.column_end(j + 1) && x.block_end(a) - x.block_begin(a) > kWideTiles;
   }
 
   // Pivot columns [begin, end), row block by row block.
