@@ -35,6 +35,10 @@ class PlanFlags {
       use(f.flag(f.block_of_column(j), k), t.front);
     }
     if (pivot && !diagonal) use(f.diagonal_flag(j), t.front);
+    if (pivot && t.work == device::cuda::Work::two_columns) {
+      use(f.diagonal_flag(j + 1), t.front);
+      use(f.flag(f.block_of_column(j), j), t.front);
+    }
   }
 
   template <class Use>

@@ -58,7 +58,8 @@ TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
         {3, 2, 1},
         {4, 2, 2},
         device::cuda::TaskOrder{.two_columns = true},
-        {.group_columns = 3, .group_blocks = 2, .pair_from = 1, .two_columns = true}}) {
+        {.group_columns = 3, .group_blocks = 2, .pair_from = 1, .two_columns = true, .two_pivot_columns_from = 0},
+        {.two_columns = true, .two_pivot_columns_from = 2}}) {
     SCOPED_TRACE(::testing::Message() << order.group_columns << ", " << order.group_blocks << ", " << order.pair_from
                                       << (order.two_columns ? ", two columns" : ""));
     const DevicePlan plan = device::cuda::make_device_plan(plan_, GetParam().kind, true, order);
@@ -218,8 +219,9 @@ TEST_P(CudaPlan, EveryBlockOfPivotsIsInvertedOnce) {
 INSTANTIATE_TEST_SUITE_P(
     Systems, CudaPlan,
     ::testing::Values(Parameter{{"elasticity", "10"}, Kind::llt}, Parameter{{"elasticity", "7"}, Kind::ldlt},
-                      Parameter{{"gyroscopic", "7"}, Kind::lu}, Parameter{{"gyroscopic", "10"}, Kind::lu}, Parameter{{"poisson", "9"}, Kind::llt},
-                      Parameter{{"plate", "30", "30"}, Kind::llt}, Parameter{{"kkt", "5", "3", "2", "2"}, Kind::ldlt}),
+                      Parameter{{"gyroscopic", "7"}, Kind::lu}, Parameter{{"gyroscopic", "10"}, Kind::lu},
+                      Parameter{{"poisson", "9"}, Kind::llt}, Parameter{{"plate", "30", "30"}, Kind::llt},
+                      Parameter{{"kkt", "5", "3", "2", "2"}, Kind::ldlt}),
     [](const auto& tested) {
       std::string name;
       for (const auto& w : tested.param.words) name += w + "_";

@@ -229,7 +229,8 @@ __device__ inline unsigned assemble(const FactorState<T>& s, const Front& f, con
   if (f.whole)
     add_entries_of_tile(s, f, x, 0, 0);  // all entries of a whole front stand at its first tile
   else if (x.tile_col < f.pivot_tiles)
-    for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, x.tile_col);
+    for (int j = x.tile_col; j < x.tile_col_end; ++j)
+      for (int i = x.tile_row; i < x.tile_row_end; ++i) add_entries_of_tile(s, f, x, i, j);
   __syncthreads();
   for_each_overlap<true>(s, f, x, [&](const Overlap& overlap, int, const Source<T>& from) {
     const auto places = [&](int part) -> T* const* {

@@ -79,7 +79,7 @@ __global__ void __launch_bounds__(kThreads, Wide ? 2 : 3)
     const bool any = gather<T, K>(state, front, task, w.pipe.stages, feed.waited);
     if constexpr (Wide && Shape<T, 128, 64, 2>::kWarpgroup) {
       if (uniform(task.work == Work::two_columns)) {
-        two_columns_task<T, K, Shape<T, 128, 64, 2>>(w, front, task, any);
+        two_columns_task<T, K, 64>(w, front, task, any);
         continue;
       }
     }

@@ -71,14 +71,6 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   products.finish();
 }
 
-/// Where tile column j of the contribution begins, with its first row.
-template <class T>
-__device__ inline T* contribution_column(const Workshop<T>& w, const Front& f, int j, int part) {
-  const int b = j - f.pivot_tiles, first = b * f.width;
-  if (f.first_place >= 0) return w.state->places[f.place(b, part)];
-  return w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(first, first);
-}
-
 /// Writes -acc column-major: `height` rows and `width` columns, or S::kWidth, from accumulators [.][first] on.
 template <class T, class S>
 __device__ __forceinline__ void store_columns(const Accumulator<T, S>& acc, int first, T* to, std::int64_t ld,
@@ -97,29 +89,132 @@ __device__ __forceinline__ void store_columns(const Accumulator<T, S>& acc, int 
             column[u * ld + S::kRowStep * m + 8 * h] = -acc[m][first + n][2 * h + u];
 }
 
-/// See Work::two_columns. Larger blocks read each operand less often.
+/// Where tile column j of the contribution begins, with its first row.
+template <class T>
+__device__ inline T* contribution_column(const Workshop<T>& w, const Front& f, int j, int part) {
+  const int b = j - f.pivot_tiles, first = b * f.width;
+  if (f.first_place >= 0) return w.state->places[f.place(b, part)];
+  return w.base() + (part == 0 ? f.contribution : f.contribution_up) + f.contribution_offset(first, first);
+}
+
+/// Where a row block's part of a pivot column stands in an array of the front.
+template <class T>
+struct PivotPlace {
+  T* to;
+  std::int64_t stride;  ///< from chunk to chunk
+};
+template <class T>
+__device__ inline PivotPlace<T> pivot_place(T* array, const Front& f, int j, int row) {
+  return {array + f.chunk_offset(f.column_begin(j) / kChunk, row),
+          static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk};
+}
+
+/// acc = the part of L (or U^T) in pivot column j, whose sum has been taken, and into its place; of L D L^T L D, too.
+/// @returns its place
 template <class T, Kind K, class S>
-__device__ __forceinline__ void two_columns_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+__device__ __forceinline__ PivotPlace<T> make_pivot_block(Workshop<T>& w, const Front& f, Accumulator<T, S>& acc, int j,
+                                                          int part, RowRange r, unsigned peers) {
   const FactorState<T>& s = *w.state;
   const Corner<S> at;
-  const int j = task.column, a = task.block, part = task.part;
-  const int col = f.column_begin(j), cols = f.column_end(j + 1) - col;
-  const auto [row, rows] = rows_of(f, task);
-  T acc[S::kM][S::kN][4];
+  const int col = f.column_begin(j), cols = f.column_end(j) - col;
+  const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
+  const PivotPlace<T> diagonal = pivot_place(array_of(w.base(), f, inverse), f, j, col);
+  multiply_by_inverse<T, S>(acc, w, diagonal.to, diagonal.stride, r.rows, cols, s.flags(0) + f.diagonal_flag(j));
+  if constexpr (K == Kind::ldlt) {
+    const PivotPlace<T> second = pivot_place(array_of(w.base(), f, 1), f, j, r.row);
+    store_panels<T, S>(acc, T(1), second.to, second.stride, r.rows, cols, at);
+    for_each_device(peers, [&](int d) {
+      store_panels<T, S>(acc, T(1), s.peers.top[d] + (second.to - w.base()), second.stride, r.rows, cols, at);
+    });
+    multiply_by_inverse_d<T, S>(acc, s, w.pipe.stages, f.position + col, f.pivots - col);
+  }
+  if constexpr (K != Kind::llt) {
+    const T bound = s.growth();
+    if (part == 0)
+      for_each_element<S>(at, [&](int m, int n, int e, int row, int c) {
+        if (row < r.rows && col + c < f.pivots && c < cols) check_growth(s, bound, acc[m][n][e], f.position + col + c);
+      });
+  }
+  const PivotPlace<T> place = pivot_place(array_of(w.base(), f, part), f, j, r.row);
+  store_panels<T, S>(acc, T(1), place.to, place.stride, r.rows, cols, at);
+  return place;
+}
+
+/// Stores a part of a pivot column to device d, too.
+template <class T, class S>
+__device__ __forceinline__ void push_pivot_block(const Workshop<T>& w, const Front& f, const Accumulator<T, S>& acc,
+                                                 int j, RowRange r, const PivotPlace<T>& place, int d) {
+  store_panels<T, S>(acc, T(1), w.state->peers.top[d] + (place.to - w.base()), place.stride, r.rows,
+                     f.column_end(j) - f.column_begin(j), Corner<S>());
+}
+
+/// Rows `r` in columns [col, col_end) of what the sums of a task multiply, and the flags of row blocks a and b.
+template <class T, Kind K>
+__device__ __forceinline__ ChunkSum<T> sum_of_block(const Workshop<T>& w, const Front& f, RowRange r, int col, int cols,
+                                                    int a, int b, int part, int chunks) {
+  const FactorState<T>& s = *w.state;
   const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
-  const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
-  const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
-  const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
-  const ChunkSum<T> sum{&f, left, right, false, f.pivot_pad / kChunk, flag_a, flag_b, f.blocks};
-  sum_tile<false, T, S>(acc, w, sum, any, 0, operand_scales<K>(s.largest(), s.growth(), part));
-  const int below_row = row - f.pivot_pad, below_col = col - f.pivot_pad;
-  const int height = min(rows, f.below - below_row), width = min(cols, f.below - below_col);
-  const std::int64_t ld = f.below_ld - below_col;
-  T* const to = contribution_column(w, f, j, part) + (below_row - below_col);
-  store_columns<T, S>(acc, 0, to, ld, height, width, at);
-  T* const next = contribution_column(w, f, j + 1, part) + (below_row - below_col - S::kWidth);
-  store_columns<T, S>(acc, S::kN / 2, next, ld - S::kWidth, height, width - S::kWidth, at);
-  finish_task(w, task.front, f.flag(a, j), part, f.blocks, waiting_peers(s, f, true), [](int) {});
+  return {&f,
+          {array_of(w.base(), f, from_a), r.row, r.rows},
+          {array_of(w.base(), f, from_b), col, cols},
+          false,
+          chunks,
+          s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0),
+          s.flags(K == Kind::lu ? from_b : 0) + f.flag(b, 0),
+          f.blocks};
+}
+
+/// See Work::two_columns. Larger blocks read each operand less often. The second one of two pivot columns takes the
+/// products with the first one when that is made.
+template <class T, Kind K, int Width>
+__device__ __forceinline__ void two_columns_task(Workshop<T>& w, const Front& f, const FactorTask& task, bool any) {
+  using S = Shape<T, 128, Width, 2>;
+  using One = Shape<T, 128, Width>;
+  const FactorState<T>& s = *w.state;
+  const int j = task.column, a = task.block, b = f.block_of_column(j), part = task.part;
+  const bool pivot = j < f.pivot_tiles;
+  const int col = f.column_begin(j), cols = f.column_end(j + 1) - col;
+  const RowRange r = rows_of(f, task);
+  const HalfScales scales = operand_scales<K>(s.largest(), s.growth(), part);
+  T acc[S::kM][S::kN][4];
+  ChunkSum<T> sum = sum_of_block<T, K>(w, f, r, col, cols, a, b, part, (pivot ? col : f.pivot_pad) / kChunk);
+  sum_tile<false, T, S>(acc, w, sum, any, 0, scales);
+  if (!pivot) {
+    const Corner<S> at;
+    const int below_row = r.row - f.pivot_pad, below_col = col - f.pivot_pad;
+    const int height = min(r.rows, f.below - below_row), width = min(cols, f.below - below_col);
+    const std::int64_t ld = f.below_ld - below_col;
+    T* const to = contribution_column(w, f, j, part) + (below_row - below_col);
+    store_columns<T, S>(acc, 0, to, ld, height, width, at);
+    T* const next = contribution_column(w, f, j + 1, part) + (below_row - below_col - Width);
+    store_columns<T, S>(acc, S::kN / 2, next, ld - Width, height, width - Width, at);
+    finish_task(w, task.front, f.flag(a, j), part, f.blocks, waiting_peers(s, f, true), [](int) {});
+    return;
+  }
+  T one[One::kM][One::kN][4], other[One::kM][One::kN][4];
+#pragma unroll
+  for (int m = 0; m < One::kM; ++m)
+#pragma unroll
+    for (int n = 0; n < One::kN; ++n)
+#pragma unroll
+      for (int e = 0; e < 4; ++e) {
+        one[m][n][e] = acc[m][n][e];
+        other[m][n][e] = acc[m][One::kN + n][e];
+      }
+  const unsigned peers = waiting_peers(s, f, false);
+  PivotPlace<T> place = make_pivot_block<T, K, One>(w, f, one, j, part, r, peers);
+  fence_shared();
+  fence_global();
+  set_flags(s, f.flag(a, j), part, 0, peers, nullptr,
+            [&](int d) { push_pivot_block<T, One>(w, f, one, j, r, place, d); });
+  sum = sum_of_block<T, K>(w, f, r, col + Width, cols - Width, a, b, part, Width / kChunk);
+  sum.first = col / kChunk;
+  sum.flag_a += static_cast<std::int64_t>(j) * f.blocks;
+  sum.flag_b += static_cast<std::int64_t>(j) * f.blocks;
+  sum_products<T, One>(other, sum, w.pipe, s.control, s.patience, scales);
+  place = make_pivot_block<T, K, One>(w, f, other, j + 1, part, r, peers);
+  finish_task(w, task.front, f.flag(a, j + 1), part, 0, peers,
+              [&](int d) { push_pivot_block<T, One>(w, f, other, j + 1, r, place, d); });
 }
 
 /// One row block of a tile column, in S::kRows x S::kWidth at most.
@@ -130,51 +225,25 @@ __device__ __forceinline__ void block_task(Workshop<T>& w, const Front& f, const
   const int j = task.column, a = task.block, part = task.part;
   const bool pivot = j < f.pivot_tiles;
   const int col = f.column_begin(j), cols = f.column_end(j) - col;
-  const auto [row, rows] = rows_of(f, task);
+  const RowRange r = rows_of(f, task);
   T acc[S::kM][S::kN][4];
-  const int from_a = operand_array<K>(part, 0), from_b = operand_array<K>(part, 1);
-  const int* flag_a = s.flags(K == Kind::lu ? from_a : 0) + f.flag(a, 0);
-  const int* flag_b = s.flags(K == Kind::lu ? from_b : 0) + f.flag(f.block_of_column(j), 0);
-  const Operand<T> left{array_of(w.base(), f, from_a), row, rows}, right{array_of(w.base(), f, from_b), col, cols};
-  const int chunks = (pivot ? col : f.pivot_pad) / kChunk;
-  sum_tile<Half, T, S>(acc, w, ChunkSum<T>{&f, left, right, false, chunks, flag_a, flag_b, f.blocks}, any, row - col,
-                       operand_scales<K>(s.largest(), s.growth(), part));
+  const ChunkSum<T> sum =
+      sum_of_block<T, K>(w, f, r, col, cols, a, f.block_of_column(j), part, (pivot ? col : f.pivot_pad) / kChunk);
+  sum_tile<Half, T, S>(acc, w, sum, any, r.row - col, operand_scales<K>(s.largest(), s.growth(), part));
   if (!pivot) {
-    const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
+    const int r0 = r.row - f.pivot_pad, c0 = col - f.pivot_pad;
     const std::int64_t ld = f.below_ld - c0;
     T* to = contribution_column(w, f, j, part);
-    for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
-      if (r < rows && c < cols && r0 + r < f.below && c0 + c < f.below && r0 + r >= c0 + c)
-        to[c * ld + (r0 - c0) + r] = -acc[m][n][e];
+    for_each_element<S>(at, [&](int m, int n, int e, int row, int c) {
+      if (row < r.rows && c < cols && r0 + row < f.below && c0 + c < f.below && r0 + row >= c0 + c)
+        to[c * ld + (r0 - c0) + row] = -acc[m][n][e];
     });
     finish_task(w, task.front, f.flag(a, j), part, 0, waiting_peers(s, f, true), [](int) {});
   } else {
-    const std::int64_t stride = static_cast<std::int64_t>(f.total_pad - j * f.width) * kChunk;
-    const int q = col / kChunk;
-    const int inverse = K == Kind::lu ? 1 - part : 0;  // L = C inverse(U), U^T = C P^T inverse(L)^T
-    multiply_by_inverse<T, S>(acc, w, array_of(w.base(), f, inverse) + f.chunk_offset(q, col), stride, rows, cols,
-                              s.flags(0) + f.diagonal_flag(j));
-    T* const base = w.base();
-    T* to = array_of(base, f, part) + f.chunk_offset(q, row);
     const unsigned peers = waiting_peers(s, f, false);
-    if constexpr (K == Kind::ldlt) {
-      T* second = array_of(base, f, 1) + f.chunk_offset(q, row);
-      store_panels<T, S>(acc, T(1), second, stride, rows, cols, at);
-      for_each_device(peers, [&](int d) {
-        store_panels<T, S>(acc, T(1), s.peers.top[d] + (second - base), stride, rows, cols, at);
-      });
-      multiply_by_inverse_d<T, S>(acc, s, w.pipe.stages, f.position + col, f.pivots - col);
-    }
-    if constexpr (K != Kind::llt) {
-      const T bound = s.growth();
-      if (part == 0)
-        for_each_element<S>(at, [&](int m, int n, int e, int r, int c) {
-          if (r < rows && col + c < f.pivots && c < cols) check_growth(s, bound, acc[m][n][e], f.position + col + c);
-        });
-    }
-    store_panels<T, S>(acc, T(1), to, stride, rows, cols, at);
+    const PivotPlace<T> place = make_pivot_block<T, K, S>(w, f, acc, j, part, r, peers);
     finish_task(w, task.front, f.flag(a, j), part, 0, peers,
-                [&](int d) { store_panels<T, S>(acc, T(1), s.peers.top[d] + (to - base), stride, rows, cols, at); });
+                [&](int d) { push_pivot_block<T, S>(w, f, acc, j, r, place, d); });
   }
 }
 

@@ -50,6 +50,7 @@ struct ChunkSum {
   const int* flag_a;
   const int* flag_b;
   int flag_stride;
+  int first = 0;  ///< chunk of both operands with which the sum begins, the first one of a tile column
 };
 
 /// Copies chunks into the stages, each as soon as the flags of its tile column are set. One warp has it.
@@ -62,15 +63,20 @@ class ChunkLoader {
         control_(control),
         patience_(patience),
         columns_((sum.chunks + kPerTile - 1) / kPerTile),
-        lane_(static_cast<int>(threadIdx.x) & 31) {}
+        lane_(static_cast<int>(threadIdx.x) & 31),
+        bytes_(bytes_of_a() + bytes_of_b()),
+        a_(sum.a.base + static_cast<std::int64_t>(sum.a.row) * kChunk + chunk_offset<S::kWidth>(pad(), sum.first, 0)),
+        b_(sum.b.base + static_cast<std::int64_t>(sum.b.row) * kChunk + chunk_offset<S::kWidth>(pad(), sum.first, 0)),
+        height_(pad() - sum.first / kPerTile * S::kWidth) {}
 
   /// Has chunk `wanted` on its way, and as many more as there is room for when those before `done` have been used.
   __device__ void issue(int wanted, int done) {
     while (issued_ < sum_.chunks && issued_ < done + pipe_.depth && finished(issued_ / kPerTile, issued_ <= wanted)) {
       if (lane_ == 0) {
-        barrier_expect(pipe_.barriers + stage_, bytes_of_a() + bytes_of_b());
-        copy(issued_, stage_, pipe_.barriers + stage_);
+        barrier_expect(pipe_.barriers + stage_, bytes_);
+        copy(0, stage_, pipe_.barriers + stage_);
       }
+      advance<1>();
       ++issued_;
       stage_ = stage_ + 1 == pipe_.depth ? 0 : stage_ + 1;
     }
@@ -82,10 +88,11 @@ class ChunkLoader {
     static_assert(kPerTile % Together == 0);
     const int groups = (sum_.chunks + Together - 1) / Together;
     while (issued_ < groups && issued_ < done + rounds && finished(issued_ * Together / kPerTile, issued_ <= wanted)) {
-      const int first = issued_ * Together, count = min(Together, sum_.chunks - first), stage = stage_ * Together;
-      if (lane_ == 0) barrier_expect(pipe_.barriers + stage, count * (bytes_of_a() + bytes_of_b()));
+      const int count = min(Together, sum_.chunks - issued_ * Together), stage = stage_ * Together;
+      if (lane_ == 0) barrier_expect(pipe_.barriers + stage, count * bytes_);
       __syncwarp();
-      if (lane_ < count) copy(first + lane_, stage + lane_, pipe_.barriers + stage);
+      if (lane_ < count) copy(lane_, stage + lane_, pipe_.barriers + stage);
+      advance<Together>();
       ++issued_;
       stage_ = stage_ + 1 == rounds ? 0 : stage_ + 1;
     }
@@ -124,13 +131,27 @@ class ChunkLoader {
   }
   [[nodiscard]] __device__ unsigned bytes_of_a() const { return sum_.a.rows * kChunk * sizeof(T); }
   [[nodiscard]] __device__ unsigned bytes_of_b() const { return sum_.same ? 0 : sum_.b.rows * kChunk * sizeof(T); }
-  __device__ void copy(int chunk, int stage, std::uint64_t* bar) {
+  [[nodiscard]] __device__ int pad() const { return sum_.front->total_pad; }
+  // Chunk `ahead` of those that come next, in one tile column.
+  __device__ void copy(int ahead, int stage, std::uint64_t* bar) {
     T* to = pipe_.stages + stage * S::kStage;
-    const int pad = sum_.front->total_pad;
-    bulk_copy(to, sum_.a.base + chunk_offset<S::kWidth>(pad, chunk, sum_.a.row), bytes_of_a(), bar);
-    if (!sum_.same)
-      bulk_copy(to + S::kRows * kChunk, sum_.b.base + chunk_offset<S::kWidth>(pad, chunk, sum_.b.row), bytes_of_b(),
-                bar);
+    const int from = ahead * height_ * kChunk;
+    bulk_copy(to, a_ + from, bytes_of_a(), bar);
+    if (!sum_.same) bulk_copy(to + S::kRows * kChunk, b_ + from, bytes_of_b(), bar);
+  }
+  // Tile columns become shorter by their width, and so does the way from their first row to any other one. Step by
+  // step: everybody waits for the warp that computes where to read.
+  template <int Chunks>
+  __device__ void advance() {
+    std::int64_t step = static_cast<std::int64_t>(Chunks * kChunk) * height_;
+    in_tile_ += Chunks;
+    if (in_tile_ == kPerTile) {
+      in_tile_ = 0;
+      height_ -= S::kWidth;
+      step -= S::kWidth * kChunk;
+    }
+    a_ += step;
+    b_ += step;
   }
 
   const ChunkSum<T>& sum_;
@@ -138,6 +159,10 @@ class ChunkLoader {
   int* control_;
   std::uint64_t patience_;
   int columns_, lane_;
+  unsigned bytes_;              // of a chunk
+  const T *a_, *b_;             // the next chunk's rows
+  int height_;                  // of its tile column
+  int in_tile_ = 0;             // chunks of that tile column before it
   int issued_ = 0, stage_ = 0;  // chunks and their stages, or groups
   int ready_ = 0;               // tile columns, from the left
 };

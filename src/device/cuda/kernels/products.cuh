@@ -40,8 +40,8 @@ __device__ __forceinline__ void sum_products(Accumulator<T, S>& acc, const Chunk
       wait_for((threadIdx.x == 0 ? sum.flag_a : sum.flag_b) + k, 1, control, patience);
     }
     __syncthreads();
-    const T* from_a = sum.a.base + sum.front->chunk_offset(q, sum.a.row);
-    const T* from_b = sum.b.base + sum.front->chunk_offset(q, sum.b.row);
+    const T* from_a = sum.a.base + sum.front->chunk_offset(sum.first + q, sum.a.row);
+    const T* from_b = sum.b.base + sum.front->chunk_offset(sum.first + q, sum.b.row);
     T* left = pipe.stages;
     T* right = left + S::kRows * kChunk;
     for (int x = threadIdx.x; x < sum.a.rows * kChunk; x += kThreads) left[x] = from_a[x];

@@ -112,17 +112,13 @@ __device__ inline unsigned pivot_peers(const FactorState<T>& s, const Front& f) 
   return s.peers.count == 1 ? 0 : s.peers.others(f.members);
 }
 
-/// Makes the task's writes visible and sets its flags, first here, then, after push(d), at every device d of `peers`;
-/// meanwhile warp 1 fetches the next task.
+/// Sets flags when all threads have come here with their writes, first on this device, then, after push(d), at every
+/// device d of `peers`.
 /// @param second  a second flag stands so much further on; 0: there is none
+/// @param finished  count of finished tasks to add one to; may be null
 template <class T, class Push>
-__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, std::int64_t second, unsigned peers,
-                            Push&& push) {
-  const FactorState<T>& s = *w.state;
-  fence_shared();
-  fence_global();
-  int id = 0;
-  if (threadIdx.x == 32) id = w.feed->first + atomicAdd(w.feed->counter, 1);
+__device__ inline void set_flags(const FactorState<T>& s, std::int64_t flag, int part, std::int64_t second,
+                                 unsigned peers, int* finished, Push&& push) {
   __syncthreads();
   if (threadIdx.x == 0) {
     if (s.peers.same_memory)
@@ -131,21 +127,31 @@ __device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int pa
       fence_device();
     store_relaxed(s.flags(part) + flag, 1);
     if (second != 0) store_relaxed(s.flags(part) + flag + second, 1);
-    add_relaxed(s.finished + front, 1);
+    if (finished != nullptr) add_relaxed(finished, 1);
   }
-  if (peers != 0) {
-    for_each_device(peers, push);
-    fence_global();
-    __syncthreads();
-    if (threadIdx.x == 0) {
-      fence_devices();
-      for_each_device(peers, [&](int d) {
-        int* own = s.peers.flag[d] + part * s.part_flags + flag;
-        store_relaxed_devices(own, 1);
-        if (second != 0) store_relaxed_devices(own + second, 1);
-      });
-    }
+  if (peers == 0) return;
+  for_each_device(peers, push);
+  fence_global();
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    fence_devices();
+    for_each_device(peers, [&](int d) {
+      int* own = s.peers.flag[d] + part * s.part_flags + flag;
+      store_relaxed_devices(own, 1);
+      if (second != 0) store_relaxed_devices(own + second, 1);
+    });
   }
+}
+
+/// Makes the task's writes visible and sets its flags as set_flags(); meanwhile warp 1 fetches the next task.
+template <class T, class Push>
+__device__ void finish_task(Workshop<T>& w, int front, std::int64_t flag, int part, std::int64_t second, unsigned peers,
+                            Push&& push) {
+  fence_shared();
+  fence_global();
+  int id = 0;
+  if (threadIdx.x == 32) id = w.feed->first + atomicAdd(w.feed->counter, 1);
+  set_flags(*w.state, flag, part, second, peers, w.state->finished + front, push);
   if (threadIdx.x >= 32 && threadIdx.x < 64) load_task(w, __shfl_sync(0xffffffffu, id, 0));
 }
 

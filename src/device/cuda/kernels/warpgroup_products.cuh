@@ -16,25 +16,30 @@ namespace espalier::device::cuda {
 
 #if ESPALIER_WARPGROUP_PRODUCTS
 
-/// Splits `Rows` rows of a chunk, in place or to another one, those that hold nothing, too: branches would cost more.
-/// By all warps; a panel has one warp, of which a lane has four neighbouring numbers.
-template <int Rows>
-__device__ __forceinline__ void split_rows(const float* from, float* chunk, float scale) {
+/// Splits `Rows` rows of chunks that stand `stride` apart, in place or to another one, those that hold nothing, too:
+/// branches would cost more. By all warps; a panel has one warp, of which a lane has four neighbouring numbers.
+template <int Rows, int Chunks>
+__device__ __forceinline__ void split_rows(const float* from, float* chunk, int stride, float scale) {
   constexpr int kPanels = Rows / kPanel / (kThreads / 32);
   const int warp = static_cast<int>(threadIdx.x) >> 5, lane = static_cast<int>(threadIdx.x) & 31;
-  float4 x[kPanels];
+  float4 x[Chunks][kPanels];
 #pragma unroll
-  for (int k = 0; k < kPanels; ++k) x[k] = reinterpret_cast<const float4*>(from + (warp * kPanels + k) * 128)[lane];
+  for (int q = 0; q < Chunks; ++q)
+#pragma unroll
+    for (int k = 0; k < kPanels; ++k)
+      x[q][k] = reinterpret_cast<const float4*>(from + q * stride + (warp * kPanels + k) * 128)[lane];
   __syncwarp();
 #pragma unroll
-  for (int k = 0; k < kPanels; ++k) {
-    SplitPanel<Parts::half> parts;
-    parts.take(0, {x[k].x, x[k].y}, scale);
-    parts.take(1, {x[k].z, x[k].w}, scale);
-    auto* to = reinterpret_cast<uint2*>(chunk + (warp * kPanels + k) * 128) + lane;
-    to[0] = {parts.high[0], parts.high[1]};
-    to[32] = {parts.low[0], parts.low[1]};
-  }
+  for (int q = 0; q < Chunks; ++q)
+#pragma unroll
+    for (int k = 0; k < kPanels; ++k) {
+      SplitPanel<Parts::half> parts;
+      parts.take(0, {x[q][k].x, x[q][k].y}, scale);
+      parts.take(1, {x[q][k].z, x[q][k].w}, scale);
+      auto* to = reinterpret_cast<uint2*>(chunk + q * stride + (warp * kPanels + k) * 128) + lane;
+      to[0] = {parts.high[0], parts.high[1]};
+      to[32] = {parts.low[0], parts.low[1]};
+    }
 }
 
 /// Describes the high (0) or low (1) parts of 64 (or fewer) rows and 16 columns in shared memory to the tensor cores:
@@ -158,21 +163,23 @@ __device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, con
     for (int x = static_cast<int>(threadIdx.x); x < missing * S::kStage; x += kThreads)
       stages[(kTogether - missing) * S::kStage + x] = 0;
     if (missing > 0) __syncthreads();
-#pragma unroll
-    for (int k = 0; k < kTogether; ++k)
-      split_rows<S::kCols>(stages + k * S::kStage + from_b, stages + k * S::kStage + kB, scales.b);
+    split_rows<S::kCols, kTogether>(stages + from_b, stages + kB, S::kStage, scales.b);
     fence_shared();
     __syncthreads();
+    SplitRows<S> head(stages, 0, at, scales.a);  // of the first chunk, while products are still under way
 #pragma unroll
     for (int m = 0; m < S::kM; m += kRows) {
       float sums[kRows][S::kN][4];
+      begin_products();
+      multiply_split_stage<S>(sums, head, stages + kB, false);
 #pragma unroll
-      for (int k = 0; k < kTogether; ++k) {
+      for (int k = 1; k < kTogether; ++k) {
         const SplitRows<S> a(stages + k * S::kStage, m, at, scales.a);
         begin_products();
-        multiply_split_stage<S>(sums, a, stages + k * S::kStage + kB, k > 0);
+        multiply_split_stage<S>(sums, a, stages + k * S::kStage + kB, true);
       }
       commit_products();
+      if (m + kRows < S::kM) head = SplitRows<S>(stages, m + kRows, at, scales.a);
       wait_for_products(sums);
 #pragma unroll
       for (int x = 0; x < kRows; ++x) take_sums<Parts::half>(acc[m + x], sums[x], scales);

@@ -163,8 +163,7 @@ enum class Work : std::int8_t {
   whole,       ///< a small front
   diagonal,    ///< the diagonal tile of a pivot column
   block,       ///< a row block's part of a tile column
-  two_columns  ///< a full row block's parts of tile columns `column` and `column` + 1 of the contribution, both of
-               ///< which begin above it; of FP32, where multiplies_together()
+  two_columns  ///< a row block's parts of tile columns `column` and `column` + 1, both of which end above it
 };
 
 /// One unit of work of the factorization. `part` 1: the block of U^T (lu).

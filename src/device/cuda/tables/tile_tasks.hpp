@@ -20,8 +20,9 @@ struct TaskOrder {
   /// The diagonal tile of the next column is listed as soon as what it needs has been, so that it is ready when that
   /// column begins; else at the head of its own column.
   bool look_ahead = true;
-  /// Wide tile columns of the contribution go two by two where a device takes them so (Work::two_columns).
+  /// Wide tile columns go two by two where a device takes them so (Work::two_columns), ...
   bool two_columns = false;
+  Index two_pivot_columns_from = 8;  ///< ... of pivots from this one on, an even number
 
   /// One tile column after another: out of core, where the columns to the left come by in groups anyway.
   static constexpr TaskOrder by_columns(bool look_ahead) {
@@ -37,10 +38,12 @@ class TileTasks {
   /// with an earlier one has none of its own.
   template <class Use>
   void column(const Front& x, Index j, Use&& use) const {
-    const Index paired = order_.pair_from;
+    const Index paired = order_.pair_from, two = order_.two_pivot_columns_from;
     if (j >= x.pivot_tiles) {
       if ((j - x.pivot_tiles) % order_.group_columns == 0)
         contribution(x, j, std::min(j + order_.group_columns, x.tiles), use);
+    } else if (goes_two_by_two(x) && order_.look_ahead && j >= two) {
+      if ((j - two) % 2 == 0) two_pivots(x, j, use);
     } else if (x.width != kWideTiles || j < paired || !order_.look_ahead) {
       pivots(x, j, j + 1, use);
     } else if ((j - paired) % 2 == 0) {
@@ -60,10 +63,12 @@ class TileTasks {
     for (Index first = x.block_of_column(begin); first < x.blocks; first += order_.group_blocks) {
       const Index last = std::min(first + order_.group_blocks, x.blocks);
       for (Index j = begin; j < end;) {
-        const Index next = j + (two_from(x, j) && j + 1 < end ? 2 : 1);
+        // Both in one row block.
+        const bool two = goes_two_by_two(x) && (j - x.pivot_tiles) % 2 == 0 && j + 1 < end;
+        const Index next = j + (two ? 2 : 1);
         for (Index a = first; a < last; ++a)
-          if (next == j + 2 && goes_with_two(x, a, j)) {
-            for (int part = 0; part < parts_; ++part) use(Work::two_columns, part, a, j);
+          if (two && x.block_begin(a) >= x.column_end(j + 1)) {
+            two_columns(x, a, j, use);
           } else {
             for (Index k = j; k < next; ++k)
               if (x.block_end(a) > x.column_begin(k)) block(a, k, use);
@@ -72,13 +77,33 @@ class TileTasks {
       }
     }
   }
-  // Whether column j of the contribution may go with the next one: both lie in one row block.
-  [[nodiscard]] bool two_from(const Front& x, Index j) const {
-    return order_.two_columns && x.width == kWideTiles && (j - x.pivot_tiles) % 2 == 0;
+  [[nodiscard]] bool goes_two_by_two(const Front& x) const { return order_.two_columns && x.width == kWideTiles; }
+  // Row block a of columns j and j + 1, below both; one by one where it is small.
+  template <class Use>
+  void two_columns(const Front& x, Index a, Index j, Use& use) const {
+    if (x.block_end(a) - x.block_begin(a) <= kWideTiles) {
+      block(a, j, use);
+      block(a, j + 1, use);
+      return;
+    }
+    for (int part = 0; part < parts_; ++part) use(Work::two_columns, part, a, j);
   }
-  // Below the diagonal, and too many rows for a block of half the size.
-  [[nodiscard]] static bool goes_with_two(const Front& x, Index a, Index j) {
-    return x.block_begin(a) >= x.column_end(j + 1) && x.block_end(a) - x.block_begin(a) > kWideTiles;
+  // Pivot columns j, an even number, and j + 1, row block by row block. Their diagonal tiles lie in one of them.
+  template <class Use>
+  void two_pivots(const Front& x, Index j, Use& use) const {
+    const Index own = x.block_of_column(j), next = j + 2;
+    if (j == 0) use(Work::diagonal, 0, 0, 0);
+    if (j + 1 == x.pivot_tiles) {
+      for (Index a = own; a < x.blocks; ++a)
+        if (x.block_end(a) > x.column_end(j)) block(a, j, use);
+      return;
+    }
+    block(own, j, use);
+    use(Work::diagonal, 0, 0, j + 1);
+    for (Index a = own + 1; a < x.blocks; ++a) {
+      two_columns(x, a, j, use);
+      if (next < x.pivot_tiles && a == x.block_of_column(next)) use(Work::diagonal, 0, 0, next);
+    }
   }
 
   // Pivot columns [begin, end), row block by row block.
