@@ -6,8 +6,9 @@
 
 #include <algorithm>
 
+#include "device/cuda/kernels/block_tasks.cuh"
 #include "device/cuda/kernels/factor_kernel.cuh"
-#include "device/cuda/kernels/factor_tasks.cuh"
+#include "device/cuda/kernels/pivot_tasks.cuh"
 
 namespace espalier::device::cuda {
 

@@ -9,6 +9,7 @@
 #pragma once
 
 #include "device/cuda/kernels/gather.cuh"
+#include "device/cuda/kernels/products.cuh"
 
 namespace espalier::device::cuda {
 

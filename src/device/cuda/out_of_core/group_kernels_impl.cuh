@@ -4,7 +4,8 @@
 
 #include <algorithm>
 
-#include "device/cuda/kernels/factor_tasks.cuh"
+#include "device/cuda/kernels/block_tasks.cuh"
+#include "device/cuda/kernels/pivot_tasks.cuh"
 #include "device/cuda/kernels/place.cuh"
 #include "device/cuda/out_of_core/group_kernels.cuh"
 
