@@ -82,7 +82,7 @@ MachineModel h200() {
   MachineModel m;
   m.name = "one NVIDIA H200";
   m.flops = 4e13;
-  m.single = 2;  // elasticity 64^3 and 80^3: 345 and 1,291 ms in FP64, 211 and 691 in FP32
+  m.single = 2;  // elasticity 64^3: 339 ms in FP64, 163 in FP32
   m.half_rows = 1800;
   m.front = 1e-7;
   m.dealt_front = 5e-7;
