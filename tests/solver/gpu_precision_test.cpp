@@ -77,6 +77,41 @@ TEST_F(GpuPrecision, MixedReachesRounding) {
     }
 }
 
+// Fronts of more than 1,024 rows, whose tile columns some GPUs take two by two.
+TEST_F(GpuPrecision, LargeFronts) {
+  struct Case {
+    std::vector<std::string> words;
+    Kind kind;
+  };
+  std::vector<std::string> devices{"gpu:0"};
+  if (test::has_gpus(2)) devices.emplace_back("gpu:0,1");
+  for (const auto& [words, kind] :
+       {Case{{"elasticity", "22"}, Kind::llt}, {{"elasticity", "22"}, Kind::ldlt}, {{"gyroscopic", "20"}, Kind::lu}}) {
+    const SparseMatrix a = matrix::generate(matrix::parse_generator(words));
+    const std::vector<double> b = reference::random_vector(a.rows, 9);
+    for (const std::string& device : devices)
+      for (const Precision precision : {Precision::fp32, Precision::mixed}) {
+        SCOPED_TRACE(testing::Message() << words.front() << ", " << static_cast<int>(kind) << " on " << device);
+        Options o = on_gpu(precision);
+        o.device = device;
+        o.kind = kind;
+        o.required_backward_error = 1;
+        if (precision == Precision::fp32) o.refinement_steps = 0;
+        Solver s(o);
+        const AnalysisResult analysis = s.analyze(a);
+        ASSERT_TRUE(analysis.status.ok());
+        EXPECT_GT(analysis.largest_front, 1024);
+        ASSERT_TRUE(s.factorize(a).status.ok());
+        std::vector<double> x(b.size()), again(b.size());
+        ASSERT_TRUE(s.solve(b, x).status.ok());
+        EXPECT_LE(error_of(a, x, b), precision == Precision::fp32 ? 1e-5 : 2 * kEps);
+        ASSERT_TRUE(s.refactorize(a.values).status.ok());
+        ASSERT_TRUE(s.solve(b, again).status.ok());
+        EXPECT_EQ(x, again) << "the bits of every run";
+      }
+  }
+}
+
 // The analysis has scaled other values: what is factored lies far from 1.
 TEST_F(GpuPrecision, NumbersFarFromOne) {
   for (const auto& [name, a] : systems()) {
