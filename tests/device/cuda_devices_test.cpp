@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <map>
 #include <random>
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "analysis/ordering.hpp"
@@ -35,7 +37,10 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
  protected:
   void SetUp() override {
     a_ = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
-    device::cuda::DeviceTuning tuning;
+    plan_with({});
+  }
+
+  void plan_with(device::cuda::DeviceTuning tuning) {
     tuning.narrow_rows = 300;  // small systems, too, shall have wide fronts
     tuning.stealing = GetParam().stealing;
     tuning.shared_top = GetParam().shared_top;
@@ -43,6 +48,12 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
     const auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
     plan_ = plan::make_plan(std::move(tree), a_, {}, options, pool_);
     tables_ = device::cuda::make_device_plan(plan_, GetParam().kind);
+  }
+
+  // With every pair of tile columns that one device has as one task.
+  void take_two_columns() {
+    tables_ = device::cuda::make_device_plan(plan_, GetParam().kind, true,
+                                             {.two_columns = true, .two_pivot_columns_from = 0});
   }
 
   // Bit d: device d learns of the flags that a task of the front sets on device `maker`.
@@ -80,7 +91,9 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
         if (!ready) break;
         const Front& f = tables_.fronts[static_cast<std::size_t>(t.front)];
         const bool contribution = t.work == device::cuda::Work::whole || t.column >= f.pivot_tiles;
-        known[static_cast<std::size_t>(flags.own_flag(t))] |= told(f, contribution, static_cast<int>(d));
+        flags.own_flags(t, [&](std::int64_t flag) {
+          known[static_cast<std::size_t>(flag)] |= told(f, contribution, static_cast<int>(d));
+        });
         ++next[d];
         ++done;
         idle = 0;
@@ -96,13 +109,37 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
 };
 
 TEST_P(CudaDevices, NobodyWaitsForEver) {
-  std::size_t all = 0;
-  for (const Front& f : tables_.fronts) all += static_cast<std::size_t>(f.tasks);
-  for (unsigned seed = 1; seed <= 20; ++seed) {
-    std::mt19937 order(seed);
-    std::vector<int> stolen_by;
-    EXPECT_EQ(replay(order, stolen_by), all) << "seed " << seed;
+  for (const bool two_columns : {false, true}) {
+    if (two_columns) take_two_columns();
+    std::size_t all = 0;
+    for (const Front& f : tables_.fronts) all += static_cast<std::size_t>(f.tasks);
+    for (unsigned seed = 1; seed <= 20; ++seed) {
+      std::mt19937 order(seed);
+      std::vector<int> stolen_by;
+      EXPECT_EQ(replay(order, stolen_by), all) << "seed " << seed << (two_columns ? ", two columns" : "");
+    }
   }
+}
+
+// Two tile columns are one task where one device has both, and no tile is made twice or by nobody.
+TEST_P(CudaDevices, TwoColumnsAreTilesOfOneOwner) {
+  device::cuda::DeviceTuning tuning;
+  tuning.column_group = 3;  // pairs have one owner or two
+  plan_with(tuning);
+  const auto tiles = [&] {
+    std::map<std::tuple<std::int32_t, int, std::int32_t, std::int32_t>, std::size_t> made;
+    for (std::size_t d = 0; d < tables_.lists.size(); ++d)
+      for (const FactorTask& t : tables_.lists[d].tasks) {
+        if (t.work == device::cuda::Work::whole || t.region >= tables_.first_stealable) continue;
+        const int sort = t.work == device::cuda::Work::diagonal ? 2 : t.part;
+        for (int c = 0; c < (t.work == device::cuda::Work::two_columns ? 2 : 1); ++c)
+          EXPECT_TRUE(made.emplace(std::tuple(t.front, sort, t.block, t.column + c), d).second) << "front " << t.front;
+      }
+    return made;
+  };
+  const auto before = tiles();
+  take_two_columns();
+  EXPECT_EQ(tiles(), before);
 }
 
 TEST_P(CudaDevices, EveryTaskHasOneOwner) {

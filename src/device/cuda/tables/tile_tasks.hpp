@@ -22,7 +22,7 @@ struct TaskOrder {
   bool look_ahead = true;
   /// Wide tile columns go two by two where a device takes them so (Work::two_columns), ...
   bool two_columns = false;
-  Index two_pivot_columns_from = 8;  ///< ... of pivots from this one on, an even number
+  Index two_pivot_columns_from = 8;  ///< ... those of pivots from this one on, an even number
 
   /// One tile column after another: out of core, where the columns to the left come by in groups anyway.
   static constexpr TaskOrder by_columns(bool look_ahead) {
@@ -92,12 +92,8 @@ class TileTasks {
   template <class Use>
   void two_pivots(const Front& x, Index j, Use& use) const {
     const Index own = x.block_of_column(j), next = j + 2;
+    if (next > x.pivot_tiles) return pivots(x, j, j + 1, use);
     if (j == 0) use(Work::diagonal, 0, 0, 0);
-    if (j + 1 == x.pivot_tiles) {
-      for (Index a = own; a < x.blocks; ++a)
-        if (x.block_end(a) > x.column_end(j)) block(a, j, use);
-      return;
-    }
     block(own, j, use);
     use(Work::diagonal, 0, 0, j + 1);
     for (Index a = own + 1; a < x.blocks; ++a) {
