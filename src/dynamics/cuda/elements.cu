@@ -54,6 +54,8 @@ __device__ inline const CableTables& cable_tables() { return the_cable_tables; }
 //
 #include "dynamics/elements/hex8_block-inl.hpp"
 //
+#include "dynamics/elements/hex8_strain_points-inl.hpp"
+//
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
 //
 #include "dynamics/elements/ancf_shell_block-inl.hpp"
@@ -88,7 +90,7 @@ __global__ void __launch_bounds__(kThreads) hexahedra_kernel(const ElementsJob j
       job, [&](const BlockInput& in, const BlockOutput& out) { return evaluate_block<Lane>(law, in, out) != 0; });
 }
 
-// The laws of hex8_strain_block-inl.hpp.
+// The laws of hex8_strain_points-inl.hpp.
 template <bool kTangent>
 __global__ void __launch_bounds__(kThreads) strains_kernel(const ElementsJob job, const Hex8Law law) {
   evaluate_element<hex8::kNodes, kTangent>(job, [&](const BlockInput& in, const BlockOutput& out) {

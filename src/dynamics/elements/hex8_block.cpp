@@ -29,6 +29,8 @@ inline const hex8::BlockTables& shell_tables() { return kShellBlockTables; }
 //
 #include "dynamics/elements/hex8_block-inl.hpp"
 //
+#include "dynamics/elements/hex8_strain_points-inl.hpp"
+//
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
 //
 #include "dynamics/elements/ancf_shell_block-inl.hpp"
@@ -52,6 +54,8 @@ inline const hex8::BlockTables& shell_tables() { return kShellBlockTables; }
 #include "dynamics/elements/lane_algebra-inl.hpp"
 //
 #include "dynamics/elements/hex8_block-inl.hpp"
+//
+#include "dynamics/elements/hex8_strain_points-inl.hpp"
 //
 #include "dynamics/elements/hex8_strain_block-inl.hpp"
 //
