@@ -4,13 +4,16 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/tables/device_bytes.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "device/cuda/tables/tile_tasks.hpp"
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
@@ -104,6 +107,44 @@ TEST_P(CudaPlan, EveryFlagIsSetByAnEarlierTask) {
     for (std::size_t f = 0; f < of_front.size(); ++f) ASSERT_EQ(of_front[f], plan.fronts[f].tasks) << "front " << f;
   }
   EXPECT_EQ(two_columns > 0, std::any_of(device_.fronts.begin(), device_.fronts.end(), has_two_columns));
+}
+
+// Every tile once, in an order in which each finds what it reads, whatever the sizes of pivots and rows below.
+TEST(CudaTileTasks, OfFrontsOfAnyShape) {
+  device::cuda::DeviceTuning tuning;
+  tuning.narrow_rows = 0;
+  const plan::TileRule rule = device::cuda::cuda_plan_options(Kind::lu, tuning).tiles;
+  std::size_t two_columns = 0;
+  for (Index pivots = 97; pivots < 900; pivots += 29)
+    for (Index below = 0; below < 700; below += 31)
+      for (const Index from : {0, 2, 8}) {
+        SCOPED_TRACE(::testing::Message() << pivots << " pivots, " << below << " below, two columns from " << from);
+        DevicePlan plan;
+        plan.fronts.push_back(
+            device::cuda::shape_of(plan::cut_front(pivots, pivots + below, rule), plan::FrontForm::wide));
+        const Front& f = plan.fronts.front();
+        const auto tiles_of = [&](const device::cuda::TaskOrder& order, auto&& check) {
+          std::set<std::tuple<int, int, Index, Index>> tiles;  // diagonal, part, row block, column
+          const device::cuda::TileTasks tasks(Kind::lu, order);
+          for (Index j = 0; j < f.tiles; ++j)
+            tasks.column(f, j, [&](Work work, int part, Index block, Index column) {
+              check(FactorTask{0, work, static_cast<std::int8_t>(part), 0, block, column});
+              for (Index c = column; c <= column + (work == Work::two_columns ? 1 : 0); ++c)
+                EXPECT_TRUE(tiles.emplace(work == Work::diagonal ? 1 : 0, part, block, c).second);
+            });
+          return tiles;
+        };
+        std::vector<char> set(static_cast<std::size_t>(f.flags()), 0);
+        const auto found = tiles_of({.two_columns = true, .two_pivot_columns_from = from}, [&](const FactorTask& t) {
+          PlanFlags(plan).needed_flags(
+              t, [&](std::int64_t flag, std::int32_t) { EXPECT_NE(set[static_cast<std::size_t>(flag)], 0); });
+          PlanFlags(plan).own_flags(t, [&](std::int64_t flag) { set[static_cast<std::size_t>(flag)] = 1; });
+          two_columns += t.work == Work::two_columns ? 1 : 0;
+        });
+        ASSERT_EQ(found, tiles_of({}, [](const FactorTask&) {}));
+        ASSERT_FALSE(::testing::Test::HasFailure());
+      }
+  EXPECT_GT(two_columns, 10000);
 }
 
 TEST_P(CudaPlan, MemoryIsReusedOnlyAfterItsUsers) {
