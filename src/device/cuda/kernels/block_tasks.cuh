@@ -149,7 +149,7 @@ __device__ __forceinline__ void push_pivot_block(const Workshop<T>& w, const Fro
                      f.column_end(j) - f.column_begin(j), Corner<S>());
 }
 
-/// Rows `r` in columns [col, col_end) of what the sums of a task multiply, and the flags of row blocks a and b.
+/// The sum that a task takes: of rows r times `cols` rows from `col` on, when the flags of row blocks a and b are set.
 template <class T, Kind K>
 __device__ __forceinline__ ChunkSum<T> sum_of_block(const Workshop<T>& w, const Front& f, RowRange r, int col, int cols,
                                                     int a, int b, int part, int chunks) {
