@@ -5,6 +5,7 @@
 #include <new>
 #include <vector>
 
+#include "device/host/instruction_sets.hpp"
 #include "device/host/kernel_parts.hpp"
 #include "device/host/scratch.hpp"
 #include "hwy/highway.h"
@@ -15,6 +16,7 @@ namespace {
 
 template <class T>
 Kernels<T> make_table(bool hermitian) {
+  check_instruction_sets();
   Kernels<T> table{};
   fill_products(table, hermitian);
   fill_layout(table, hermitian);
