@@ -138,6 +138,18 @@ check_package() {
 # A share of the real hosts, in the Python of ESPALIER_HOSTS_PYTHON; it says which are not installed there.
 check_hosts() { "${ESPALIER_HOSTS_PYTHON:-python3}" tests/hosts/table.py --quick --print --repeat 1; }
 
+# The numerical tests with the kernels of a lesser machine: of one without AVX-512, or with SSE4 alone, in turns by the commit
+# where this machine has AVX-512. Their bounds must be those of theory, not of one machine.
+test_instructions() {
+  local set=sse4 commit
+  commit=$(git rev-parse --short=1 HEAD 2>/dev/null | tail -c 2)
+  ! grep -q avx512f /proc/cpuinfo || ((16#${commit:-0} % 2)) || set=avx2
+  echo "ESPALIER_INSTRUCTIONS=$set"
+  ESPALIER_INSTRUCTIONS=$set ctest --test-dir build/release -j 2 --timeout 600 --no-tests=error --output-on-failure \
+    -L numerical </dev/null | grep -vE '^ *Start |   Passed |\(Skipped\)'
+  return "${PIPESTATUS[0]}"
+}
+
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
 check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }
 

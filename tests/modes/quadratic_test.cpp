@@ -66,7 +66,7 @@ void expect_dense(const Eigen::MatrixXd& k, const Eigen::MatrixXd& c, const Eige
     EXPECT_LT(std::abs(r.eigenvalues[static_cast<std::size_t>(i)] - truth[static_cast<std::size_t>(i)]),
               1e-8 * std::abs(truth[static_cast<std::size_t>(i)]))
         << i << r.eigenvalues[static_cast<std::size_t>(i)] << truth[static_cast<std::size_t>(i)];
-    EXPECT_LT(r.residuals[static_cast<std::size_t>(i)], 1e-12);
+    EXPECT_LT(r.residuals[static_cast<std::size_t>(i)], options.tolerance);
   }
 }
 
