@@ -51,21 +51,24 @@ bool ProductMatcher::scale_by_diagonal() {
     }
   });
   if (complete) return true;
-  // A row without a diagonal entry: as if its columns were scaled like their diagonals.
-  std::vector<double> most(at(a_.n), 0);
+  // A row without a diagonal entry: as if its columns were scaled like their diagonals; where they have none either, as
+  // if its own were as large as its largest entry.
+  std::vector<double> most(at(a_.n), 0), largest(at(a_.n), 0);
   for (Index j = 0; j < a_.n; ++j) {
     if (symmetric_ && row_scale[at(j)] > 0) continue;
     for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
       // Symmetric: (i, j) stands for (j, i), so that only the columns of such rows are looked at.
       const std::size_t i = symmetric_ ? at(j) : at(a_.row[at(k)]), other = symmetric_ ? at(a_.row[at(k)]) : at(j);
+      const double magnitude = a_.magnitude(k);
+      largest[i] = std::max(largest[i], magnitude);
       if ((row_scale[i] == 0) == (row_scale[other] == 0)) continue;
-      const double scale = std::max(row_scale[i], row_scale[other]), scaled = a_.magnitude(k) * scale;
+      const double scale = std::max(row_scale[i], row_scale[other]), scaled = magnitude * scale;
       if (!(a_.meaning(scaled * scale) <= kFar)) return false;
       if (row_scale[i] == 0) most[i] = std::max(most[i], scaled);
     }
   }
   for (std::size_t i = 0; i < most.size(); ++i)
-    if (row_scale[i] == 0) row_scale[i] = most[i] > 0 ? 1 / most[i] : 1;
+    if (row_scale[i] == 0) row_scale[i] = most[i] > 0 ? 1 / most[i] : largest[i] > 0 ? 1 / std::sqrt(largest[i]) : 1;
   return true;
 }
 
