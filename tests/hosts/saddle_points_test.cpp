@@ -13,8 +13,8 @@
 #include <dmumps_c.h>
 #endif
 
-#include "hosts/hsl/ma97.hpp"
 #include "hosts/library.hpp"
+#include "hsl/ma97.hpp"
 #include "reference/saddle_points.hpp"
 
 namespace espalier::test {
