@@ -68,7 +68,7 @@ int Attached<Int>::factorize(const cholmod_sparse& a) {
   solver_ = std::make_unique<HostSolver>("cholmod");
   solver_->insist("kind", "llt");
   solver_->set_default("refinement_steps", "0");
-  solver_->set_default("required_backward_error", "inf");
+  solver_->set_default("required_backward_error", "inf");  // HostSolver looks
   auto m = sized_matrix(Int{});
   m.rows = m.cols = n_;
   m.nonzeros = count;
@@ -111,7 +111,7 @@ double Attached<Int>::reciprocal_condition() {
     }
   }
   for (std::size_t k = 0; k < n; ++k) x[k] = scattered_sign(k);
-  if (solver_->solve(x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE) != ESPALIER_OK) return 0;
+  if (solver_->substitute(x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE) != ESPALIER_OK) return 0;
   double largest = 0;
   for (const double v : x) largest = std::isfinite(v) ? std::max(largest, std::abs(v)) : HUGE_VAL;
   const double product = largest * *std::max_element(sums.begin(), sums.end());

@@ -142,6 +142,7 @@ std::shared_ptr<Attached<Int>> solver_for(int system, const cholmod_factor* fact
   return ours ? found : nullptr;
 }
 
+// False: what accuracy the real library reaches, the host shall hear from it.
 template <class Int>
 bool solve_into(Attached<Int>& with, const cholmod_dense& b, cholmod_dense& x, cholmod_common& common) {
   const std::lock_guard lock(with.mutex);
@@ -153,26 +154,27 @@ template <class Int>
 cholmod_dense* solve(int system, cholmod_factor* factor, cholmod_dense* b, cholmod_common* common) {
   const auto found = solver_for<Int>(system, factor, b, common);
   cholmod_dense* none = nullptr;
-  if (found == nullptr) {
-    hand_over<Int>(factor, common);
-    return ask_real<Int>("solve", none, system, factor, b, common);
+  if (found != nullptr) {
+    cholmod_dense* x = ask_real<Int>("allocate_dense", none, b->nrow, b->ncol, b->nrow, int{CHOLMOD_REAL}, common);
+    if (x == nullptr || solve_into(*found, *b, *x, *common)) return x;
+    ask_real<Int>("free_dense", 0, &x, common);
   }
-  cholmod_dense* x = ask_real<Int>("allocate_dense", none, b->nrow, b->ncol, b->nrow, int{CHOLMOD_REAL}, common);
-  if (x != nullptr && !solve_into(*found, *b, *x, *common)) ask_real<Int>("free_dense", 0, &x, common);
-  return x;
+  hand_over<Int>(factor, common);
+  return ask_real<Int>("solve", none, system, factor, b, common);
 }
 
 template <class Int>
 int solve2(int system, cholmod_factor* factor, cholmod_dense* b, cholmod_sparse* b_set, cholmod_dense** x,
            cholmod_sparse** x_set, cholmod_dense** y, cholmod_dense** e, cholmod_common* common) {
   const auto found = solver_for<Int>(system, factor, b, common);
-  if (found == nullptr || b_set != nullptr || x == nullptr) {
-    hand_over<Int>(factor, common);
-    return ask_real<Int>("solve2", 0, system, factor, b, b_set, x, x_set, y, e, common);
+  if (found != nullptr && b_set == nullptr && x != nullptr) {
+    cholmod_dense* none = nullptr;
+    cholmod_dense* room = ask_real<Int>("ensure_dense", none, x, b->nrow, b->ncol, b->nrow, int{CHOLMOD_REAL}, common);
+    if (room == nullptr) return 0;
+    if (solve_into(*found, *b, *room, *common)) return 1;
   }
-  cholmod_dense* none = nullptr;
-  cholmod_dense* room = ask_real<Int>("ensure_dense", none, x, b->nrow, b->ncol, b->nrow, int{CHOLMOD_REAL}, common);
-  return room != nullptr && solve_into(*found, *b, *room, *common) ? 1 : 0;
+  hand_over<Int>(factor, common);
+  return ask_real<Int>("solve2", 0, system, factor, b, b_set, x, x_set, y, e, common);
 }
 
 // By way of a dense one: the solution is dense in any case.

@@ -25,6 +25,9 @@ inline double scattered_sign(std::size_t k) { return ((k * 2654435761U) & 0x8000
 
 class HostSolver {
  public:
+  /// What a solution of every interface keeps below.
+  static constexpr double kPromised = 1e-10;
+
   /// @param interface  as it stands in log lines, for instance "ma97"
   explicit HostSolver(std::string interface);
 
@@ -39,9 +42,14 @@ class HostSolver {
   int analyze(const espalier_matrix_i64& a);
   int analyze(const espalier_local_rows_i32& part);
   int factorize(const double* values, std::int64_t count);
+  /// Solves and looks: where the normwise backward error is above kPromised, it is refined, however few steps the host
+  /// asked for. ESPALIER_ACCURACY_NOT_REACHED: it stays above, and x holds the best that was found. A right-hand side
+  /// with numbers that are not finite has such a solution, and ESPALIER_OK. @param x  may be b
   int solve(const double* b, double* x, std::int64_t columns, int transpose);
-  /// Of the solves to come: at most so many steps, 0: no residual is formed.
-  int set_refinement(int steps);
+  /// The factor's substitution, which nobody looks at: to probe a factor, or where the host knows that it is singular.
+  int substitute(const double* b, double* x, std::int64_t columns, int transpose);
+  /// Of the solves to come: steps of refinement before anybody looks.
+  void set_refinement(int steps) { steps_ = steps; }
   /// Another solver on the same analysis. @returns an espalier_status
   int clone(std::unique_ptr<HostSolver>& to);
 
@@ -61,6 +69,7 @@ class HostSolver {
   };
   HostSolver(std::string interface, espalier_solver* solver) : interface_(std::move(interface)), solver_(solver) {}
   int prepare();
+  void set_look(int steps, double required);
   template <class Matrix>
   int analyze_any(const Matrix& a, int (*call)(espalier_solver*, const Matrix*, espalier_analysis_info*));
   void say_factorized(int status) const;
@@ -68,9 +77,11 @@ class HostSolver {
   std::string interface_;
   std::unique_ptr<espalier_solver, Destroy> solver_;
   std::vector<std::pair<std::string, std::string>> insisted_;
-  bool threads_chosen_ = false;  // by the host
-  std::int64_t rows_ = 0, entries_ = 0;
-  int refinement_steps_ = -1;  // that this object has set
+  bool threads_chosen_ = false;                            // by the host
+  std::int64_t rows_ = 0, vector_rows_ = 0, entries_ = 0;  // vector_rows_: those of this rank
+  int steps_ = 0;
+  std::pair<int, double> look_{-1, 0};  // steps and required backward error that this object has set; -1: none
+  bool user_looks_ = false;             // he has said himself how solutions are refined, or what is required of them
   espalier_analysis_info analysis_ = sized<espalier_analysis_info>();
   espalier_factor_info factor_ = sized<espalier_factor_info>();
   espalier_solve_info solution_ = sized<espalier_solve_info>();

@@ -16,7 +16,7 @@ void InertiaSolver::prepare(HostSolver& solver) {
   // the factorization of a small problem does.
   solver.set_default("rescale", "equilibration");
   solver.set_default("refinement_steps", "0");
-  solver.set_default("required_backward_error", "inf");
+  solver.set_default("required_backward_error", "inf");  // HostSolver looks
 }
 
 void InertiaSolver::choose_pivots(HostSolver& solver, const PivotWish& wish) {
@@ -45,19 +45,22 @@ Inertia InertiaSolver::factorize(const double* given, const PivotWish& wish) {
   result.negative = f.negative;
   result.two_by_two = f.two_by_two;
   result.delayed = f.delayed;
-  result.singular = f.zero > 0 || f.perturbed > 0;
+  result.singular = singular_ = f.zero > 0 || f.perturbed > 0;
   factorized_ = true;
   return result;
 }
 
+int InertiaSolver::solve_columns(double* x, int columns) {
+  if (singular_) return solver_.substitute(x, x, columns, ESPALIER_NO_TRANSPOSE);
+  return solver_.solve(x, x, columns, ESPALIER_NO_TRANSPOSE);
+}
+
 int InertiaSolver::solve(double* x, int columns, int stride) {
   if (!factorized_) return ESPALIER_MISUSE;
-  if (stride == pattern_->n() || columns == 1) return solver_.solve(x, x, columns, ESPALIER_NO_TRANSPOSE);
-  for (int k = 0; k < columns; ++k) {
-    double* column = x + static_cast<std::ptrdiff_t>(k) * stride;
-    if (const int status = solver_.solve(column, column, 1, ESPALIER_NO_TRANSPOSE); status != ESPALIER_OK)
+  if (stride == pattern_->n() || columns == 1) return solve_columns(x, columns);
+  for (int k = 0; k < columns; ++k)
+    if (const int status = solve_columns(x + static_cast<std::ptrdiff_t>(k) * stride, 1); status != ESPALIER_OK)
       return status;
-  }
   return ESPALIER_OK;
 }
 

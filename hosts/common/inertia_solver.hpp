@@ -29,7 +29,8 @@ struct Inertia {
   bool singular = false;        ///< pivots are zero, or were replaced, so that signs cannot be trusted
 };
 
-/// One factor of one pattern. It solves A x = b to the factor's accuracy: such hosts refine by themselves.
+/// One factor of one pattern. A solution is refined where its backward error asks for it (HostSolver::kPromised); of a
+/// singular matrix it stays as the factor gives it: the host knows, and refines by itself.
 class InertiaSolver {
  public:
   /// @param interface  as it stands in log lines
@@ -45,19 +46,20 @@ class InertiaSolver {
   static void prepare(HostSolver& solver);
   static void choose_pivots(HostSolver& solver, const PivotWish& wish);
 
-  /// Of the solves to come, for a host that wants it; none by default. @returns an espalier_status
-  int set_refinement(int steps) { return solver_.set_refinement(steps); }
+  /// Of the solves to come, for a host that wants it; none by default.
+  void set_refinement(int steps) { solver_.set_refinement(steps); }
 
   [[nodiscard]] const HostSolver& solver() const { return solver_; }
   [[nodiscard]] const HostPattern& pattern() const { return *pattern_; }
 
  private:
   int analyze(const double* values, const PivotWish& wish);
+  int solve_columns(double* x, int columns);
 
   std::shared_ptr<const HostPattern> pattern_;
   HostSolver solver_;
   PivotWish wish_;
-  bool analyzed_ = false, factorized_ = false;
+  bool analyzed_ = false, factorized_ = false, singular_ = false;
   std::vector<double> values_;  // where the host's order is not ours
 };
 

@@ -20,6 +20,7 @@ enum Flag : int {
   kBadEntries = -2,
   kSmallIw = -3,
   kSmallA = -4,
+  kSingular = -5,    // so close to it that no solution has a small backward error
   kBadMatrix = -99,  // not in the original: arrays that are none of ours, entries that are not finite, no memory
   kEntriesLeftOut = 1,
   kRankDeficient = 3,
@@ -77,7 +78,9 @@ int factorize(KeptMatrix m, const double* values, int reals, int* iw, int intege
 int solve(int n, const double* values, int reals, const int* iw, int integers, double* x) {
   const std::optional<KeptMatrix> m = kept(iw, integers);
   if (!m || m->n != n || reals < m->entries || x == nullptr) return kBadMatrix;
-  return solve_cached("ma27", *m, values, x, 1, n) == ESPALIER_OK ? kOk : kBadMatrix;
+  const int status = solve_cached("ma27", *m, values, x, 1, n);
+  if (status == ESPALIER_ACCURACY_NOT_REACHED) return kSingular;
+  return status == ESPALIER_OK ? kOk : kBadMatrix;
 }
 
 }  // namespace

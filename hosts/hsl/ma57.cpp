@@ -23,6 +23,7 @@ enum Flag : int {
   kZeroPivot = -5,  // where ICNTL(7) = 2 asks for an end
   kOtherSign = -6,  // where ICNTL(7) = 3 asks for a definite matrix
   kSmallNew = -7,
+  kNotAccurate = -8,  // refinement does not converge
   kBadPivoting = -10,
   kSmallRightHandSides = -11,
   kBadJob = -12,
@@ -127,7 +128,9 @@ int solve(int job, int n, const Arrays& with, int columns, double* x, int stride
   if (work_length < std::int64_t{n} * columns) return fail(info, kSmallWork, std::int64_t{n} * columns);
   const std::optional<KeptMatrix> m = kept(with.ifact, with.ifact_length);
   if (!m || m->n != n || with.fact_length < m->entries || x == nullptr) return kBadMatrix;
-  return solve_cached("ma57", *m, with.fact, x, columns, stride) == ESPALIER_OK ? kOk : kBadMatrix;
+  const int status = solve_cached("ma57", *m, with.fact, x, columns, stride);
+  if (status == ESPALIER_ACCURACY_NOT_REACHED) return kNotAccurate;
+  return status == ESPALIER_OK ? kOk : kBadMatrix;
 }
 
 template <class T>

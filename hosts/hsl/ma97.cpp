@@ -87,6 +87,7 @@ int flag_of(int status) {
     case ESPALIER_OUT_OF_MEMORY:
       return kNoMemory;
     case ESPALIER_SINGULAR:
+    case ESPALIER_ACCURACY_NOT_REACHED:
       return kSingular;
     case ESPALIER_INVALID_INPUT:
       return kNotFinite;

@@ -47,7 +47,7 @@ enum Flag : int {
   kBadPointers = -3,  ///< they fall, do not begin at the base, or are null
   kBadMatrix = -4,    ///< an index out of range or above the diagonal
   kBadType = -5,      ///< matrix_type
-  kSingular = -7,
+  kSingular = -7,     ///< or so close to it that no solution has a small backward error
   kNotPositive = -8,  ///< matrix_type 3
   kNotFinite = -9,    ///< an entry
   kBadRightHandSide = -10,

@@ -67,7 +67,7 @@ const HostSolver* Instance::solver() const {
 int Instance::make_plain(const char* kind, const double* values) {
   plain_ = std::make_unique<HostSolver>("mumps");
   plain_->insist("kind", kind);
-  plain_->set_default("required_backward_error", "inf");
+  plain_->set_default("required_backward_error", "inf");  // HostSolver looks
   plain_->set_default("rescale", "off");
   return plain_->analyze(pattern_->matrix(values));
 }
@@ -154,7 +154,8 @@ bool Instance::solve_dense(DMUMPS_STRUC_C& id, double* x, int columns, int strid
       status = plain_->solve(at, at, stride == id.n ? columns : 1, transposed);
     }
   }
-  if (status != ESPALIER_OK && status != ESPALIER_ACCURACY_NOT_REACHED)
+  if (status == ESPALIER_ACCURACY_NOT_REACHED) return report(id, kSingular, id.n - 1), false;
+  if (status != ESPALIER_OK)
     return report(id, status == ESPALIER_OUT_OF_MEMORY ? kNoMemory : kNotOffered, status), false;
   const espalier_solve_info& done = solver()->solution();
   set_info(id, 15, done.refinement_steps);

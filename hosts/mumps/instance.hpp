@@ -19,7 +19,7 @@ enum Error : int {
   kBadCount = -2,              ///< of entries [it]
   kBadJob = -3,                ///< or out of order [JOB]
   kStructurallySingular = -6,  ///< [structural rank]
-  kSingular = -10,             ///< [pivots that are not zero]
+  kSingular = -10,             ///< or no solution has a small backward error [pivots that are not zero]
   kNoMemory = -13,
   kBadOrder = -16,    ///< N [it]
   kBadPointer = -22,  ///< [Pointer]

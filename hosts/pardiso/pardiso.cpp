@@ -17,7 +17,6 @@ constexpr int kMostFactors = 1 << 16;  // of one pattern
 int error_of(int status) {
   switch (status) {
     case ESPALIER_OK:
-    case ESPALIER_ACCURACY_NOT_REACHED:
       return kOk;
     case ESPALIER_MISUSE:
     case ESPALIER_INVALID_INPUT:
@@ -26,6 +25,7 @@ int error_of(int status) {
       return kNoMemory;
     case ESPALIER_SINGULAR:
     case ESPALIER_NOT_POSITIVE_DEFINITE:
+    case ESPALIER_ACCURACY_NOT_REACHED:
       return kZeroPivot;
     default:
       return kInternal;
@@ -125,7 +125,7 @@ int Problem::analyze(const Call<Int>& call, Report& report) {
 
   auto solver = std::make_unique<HostSolver>(interface_);
   solver->insist("kind", kind_of(type_));
-  solver->set_default("required_backward_error", "inf");
+  solver->set_default("required_backward_error", "inf");  // HostSolver looks
   // The interface lets us stop where an accuracy is satisfactory; interior-point methods solve dozens of times a
   // factor.
   solver->set_default("refinement_target", "1e-12");
@@ -218,7 +218,7 @@ int Problem::solve(const Call<Int>& call, Report& report) {
   const int steps = s.refinement_steps != 0               ? std::min(std::abs(s.refinement_steps), 1000)
                     : slot.solver->factor().perturbed > 0 ? 2
                                                           : 0;
-  if (slot.solver->set_refinement(steps) != ESPALIER_OK) return kInternal;
+  slot.solver->set_refinement(steps);
   const std::int64_t count = n_ * call.columns;
   const double* b = as_doubles(call.b, count, s.single, right_hand_sides_);
   double* x = s.single ? right_hand_sides_.data() : static_cast<double*>(call.x);

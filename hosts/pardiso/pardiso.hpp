@@ -22,8 +22,8 @@ enum Error : int {
   kOk = 0,
   kBadInput = -1,  ///< inconsistent, or not offered by us
   kNoMemory = -2,
-  kNoOrder = -3,  ///< the structure has no factorization
-  kZeroPivot = -4,
+  kNoOrder = -3,    ///< the structure has no factorization
+  kZeroPivot = -4,  ///< or a solution that refinement does not bring below HostSolver::kPromised
   kInternal = -5,
 };
 

@@ -81,7 +81,7 @@ int factorize_plain(Factor& f, const Rows& a, const char* kind, const espalier_m
     if (afresh) {
       f.plain = std::make_unique<HostSolver>("petsc");
       f.plain->insist("kind", kind);
-      f.plain->set_default("required_backward_error", "inf");
+      f.plain->set_default("required_backward_error", "inf");  // HostSolver looks
       f.plain->set_default("refinement_target", "1e-14");
       status = f.plain->analyze(matrix);
     }
@@ -186,13 +186,13 @@ PetscErrorCode solve_with(Mat mat, Vec b, Vec x, bool transposed) {
     PetscCall(VecRestoreArray(x, &left));
     if (b != x) PetscCall(VecRestoreArrayRead(b, &right));
   }
-  // A factor that failed has said so; PETSc expects a vector of what is no number.
-  if (!f.factorized) {
+  // A factor that failed has said so, one that cannot solve says it now; PETSc expects a vector of what is no number.
+  if (status == ESPALIER_ACCURACY_NOT_REACHED) mat->factorerrortype = MAT_FACTOR_NUMERIC_ZEROPIVOT;
+  if (!f.factorized || status == ESPALIER_ACCURACY_NOT_REACHED) {
     PetscCall(VecSetInf(x));
     PetscFunctionReturn(kSuccess);
   }
-  PetscCheck(status == ESPALIER_OK || status == ESPALIER_ACCURACY_NOT_REACHED,
-             PetscObjectComm(reinterpret_cast<PetscObject>(mat)), PETSC_ERR_LIB, "espalier: %s",
+  PetscCheck(status == ESPALIER_OK, PetscObjectComm(reinterpret_cast<PetscObject>(mat)), PETSC_ERR_LIB, "espalier: %s",
              espalier_status_name(status));
   PetscFunctionReturn(kSuccess);
 }

@@ -101,7 +101,7 @@ int SharedFactor::analyze() {
     InertiaSolver::choose_pivots(*solver_, PivotWish{});
   } else {
     solver_->insist("kind", kind_);
-    solver_->set_default("required_backward_error", "inf");
+    solver_->set_default("required_backward_error", "inf");  // HostSolver looks
     solver_->set_default("refinement_target", "1e-14");
   }
   if (const int status = espalier_use_mpi(solver_->handle(), comm_, 0); status != ESPALIER_OK) return status;

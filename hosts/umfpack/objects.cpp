@@ -76,7 +76,7 @@ std::shared_ptr<HostSolver> Symbolic<Int>::take(const double* values, bool& afre
   if (afresh) {
     made = std::make_unique<HostSolver>("umfpack");
     made->insist("kind", "lu");
-    made->set_default("required_backward_error", "inf");
+    made->set_default("required_backward_error", "inf");  // HostSolver looks
     made->set_default("refinement_target", "1e-14");
     auto a = matrix_of(Int{});
     a.rows = a.cols = n;
@@ -138,8 +138,7 @@ double Numeric<Int>::reciprocal_condition() {
   for (std::size_t k = 0; k < values_.size(); ++k)
     x[static_cast<std::size_t>(symbolic->indices[k])] += std::abs(values_[k]);
   for (std::size_t k = 0; k < x.size(); ++k) x[k] *= scattered_sign(k);
-  solver_->set_refinement(0);
-  if (solver_->solve(x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE) != ESPALIER_OK) return 0;
+  if (solver_->substitute(x.data(), x.data(), 1, ESPALIER_NO_TRANSPOSE) != ESPALIER_OK) return 0;
   double largest = 0;
   for (const double v : x) largest = std::isfinite(v) ? std::max(largest, std::abs(v)) : HUGE_VAL;
   return largest > 0 ? std::min(1.0, 1 / largest) : 0;

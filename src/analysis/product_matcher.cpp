@@ -16,6 +16,8 @@ namespace {
 constexpr double kTight = 1 - 8 * std::numeric_limits<double>::epsilon();
 constexpr std::int64_t kMatcherRange = 2048;  // columns per range of a parallel loop
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
+// A diagonal entry is no measure of its row where it would lift another one above this.
+constexpr double kFar = 1e4;
 }  // namespace
 
 ProductMatcher::ProductMatcher(const EntryView& a, bool symmetric, base::ThreadPool& pool)
@@ -36,7 +38,10 @@ void ProductMatcher::match(Index i, Index j) {
   col_of_row[at(i)] = j;
 }
 
-void ProductMatcher::scale_by_diagonal() {
+/// False: the diagonal is no measure, since an entry that couples it with a row without one is far above it. Scaled by
+/// both, that entry would be 1 whatever the diagonal is: the smaller this, the further apart the factors of the two
+/// rows, and a solution that is good to rounding in the scaled system is none in the caller's.
+bool ProductMatcher::scale_by_diagonal() {
   std::atomic<bool> complete{true};
   pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j) {
@@ -45,19 +50,26 @@ void ProductMatcher::scale_by_diagonal() {
       if (row_scale[at(j)] == 0) complete.store(false, std::memory_order_relaxed);
     }
   });
-  if (complete) return;
-  // A row without a diagonal entry: as if its columns were scaled like their diagonals.
-  std::vector<double> most(at(a_.n), 0);
+  if (complete) return true;
+  // A row without a diagonal entry: as if its columns were scaled like their diagonals; where they have none either, as
+  // if its own were as large as its largest entry.
+  std::vector<double> most(at(a_.n), 0), largest(at(a_.n), 0);
   for (Index j = 0; j < a_.n; ++j) {
-    if (symmetric_ ? row_scale[at(j)] > 0 : row_scale[at(j)] == 0) continue;
+    if (symmetric_ && row_scale[at(j)] > 0) continue;
     for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
       // Symmetric: (i, j) stands for (j, i), so that only the columns of such rows are looked at.
       const std::size_t i = symmetric_ ? at(j) : at(a_.row[at(k)]), other = symmetric_ ? at(a_.row[at(k)]) : at(j);
-      if (row_scale[i] == 0 && row_scale[other] > 0) most[i] = std::max(most[i], a_.magnitude(k) * row_scale[other]);
+      const double magnitude = a_.magnitude(k);
+      largest[i] = std::max(largest[i], magnitude);
+      if ((row_scale[i] == 0) == (row_scale[other] == 0)) continue;
+      const double scale = std::max(row_scale[i], row_scale[other]), scaled = magnitude * scale;
+      if (!(a_.meaning(scaled * scale) <= kFar)) return false;
+      if (row_scale[i] == 0) most[i] = std::max(most[i], scaled);
     }
   }
   for (std::size_t i = 0; i < most.size(); ++i)
-    if (row_scale[i] == 0) row_scale[i] = most[i] > 0 ? 1 / most[i] : 1;
+    if (row_scale[i] == 0) row_scale[i] = most[i] > 0 ? 1 / most[i] : largest[i] > 0 ? 1 / std::sqrt(largest[i]) : 1;
+  return true;
 }
 
 /// scale_j = 1 / max_i |a_ij| factor_i wherever column j has an entry
@@ -89,12 +101,11 @@ void ProductMatcher::scale_rows() {
 /// Whether the diagonal is a measure of its rows and columns. Entries of rounding error there are none: scaled to 1
 /// they would lift the others far above it, and no matching brings such factors down again.
 bool ProductMatcher::diagonal_measures() const {
-  constexpr double kFar = 1e4;
   std::atomic<bool> measures{true};
   pool_.for_each_range(a_.n, kMatcherRange, [&](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<Index>(begin); j < static_cast<Index>(end); ++j)
       for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
-        if (!(a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * row_scale[at(j)] <= kFar))
+        if (!(a_.meaning(a_.magnitude(k) * row_scale[at(a_.row[at(k)])] * row_scale[at(j)]) <= kFar))
           return measures.store(false, std::memory_order_relaxed);
   });
   return measures;
@@ -356,8 +367,7 @@ void ProductMatcher::raise_rows(const std::vector<double>& most) {
 }
 
 void ProductMatcher::run() {
-  scale_by_diagonal();
-  if (!diagonal_measures()) std::fill(row_scale.begin(), row_scale.end(), 1.0);
+  if (!scale_by_diagonal() || !diagonal_measures()) std::fill(row_scale.begin(), row_scale.end(), 1.0);
   scale_columns();
   scale_rows();
   match_tight();

@@ -40,10 +40,11 @@ struct EntryView {
 ///
 /// With scaling factors r, c > 0 such that r_i |a_ij| c_j <= 1, an entry is *tight* where equality holds; a matching of
 /// tight entries is optimal. The start is r_i = |a_ii|^(-1/2), which makes every diagonal entry of a positive definite
-/// matrix tight at once; then columns and rows are scaled to maximum 1 and tight entries are matched greedily. Columns
-/// that are left bid for rows (augmenting row reduction of Jonker and Volgenant 1987, in chains of bounded length),
-/// which matches most of them at the price of looking at their entries; every column still left is matched by a
-/// shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j) (Dijkstra).
+/// matrix tight at once, or 1 where diagonal entries are no measure; then columns and rows are scaled to maximum 1 and
+/// tight entries are matched greedily. Columns that are left bid for rows (augmenting row reduction of Jonker and
+/// Volgenant 1987, in chains of bounded length), which matches most of them at the price of looking at their entries;
+/// every column still left is matched by a shortest augmenting path in the reduced costs -log(r_i |a_ij| c_j)
+/// (Dijkstra).
 class ProductMatcher {
  public:
   /// @param symmetric values and pattern are symmetric: rows are read as columns, by all threads
@@ -63,7 +64,7 @@ class ProductMatcher {
     }
   };
 
-  void scale_by_diagonal();
+  [[nodiscard]] bool scale_by_diagonal();
   void scale_columns();
   void divide_by_column_maxima(const std::vector<double>& factor, std::vector<double>& scale);
   void scale_rows();

@@ -20,6 +20,12 @@ constexpr double kFast = 0.1;
 // ... unless nothing is left to gain.
 constexpr double kAtRounding = 1e-15;
 
+// Above this normwise error x may be noise along what A nearly loses, and step by step get rid of 16 digits of it: the
+// residual falls, and x as fast, so that their ratio says nothing. Of the residual's squares that much may be left
+// then.
+constexpr double kNoise = 1e-10;
+constexpr double kFallen = 1e-4;
+
 }  // namespace
 
 bool worth_a_step(const BackwardError& error, int steps_taken, const RefinementOptions& options) {
@@ -131,8 +137,14 @@ void Refinement::add_corrections() {
   std::erase_if(active_, [](const Column* c) { return c->done; });
 }
 
+double Refinement::squares_of(const Column& c) const {
+  return c.result.error.normwise > kNoise ? a_.dot(c.residual, c.residual) : 0;
+}
+
 // Takes the trials that are better, and says which columns go on.
 void Refinement::judge() {
+  std::vector<double> squares;  // of the residuals before
+  for (const Column* c : active_) squares.push_back(squares_of(*c));
   std::vector<ResidualColumn> trials;
   for (const Column* c : active_) trials.push_back({c->b, c->trial, c->residual, {}});
   a_.compute(trials, transpose_);
@@ -141,7 +153,11 @@ void Refinement::judge() {
     Column& c = *active_[k];
     const BackwardError before = c.result.error, now = trials[k].error;
     ++c.result.steps;
-    const auto [better, stalled] = judge_step(before, now);
+    auto [better, stalled] = judge_step(before, now);
+    if (squares[k] > 0 && stalled && a_.dot(c.residual, c.residual) <= kFallen * squares[k]) {
+      better = true;
+      stalled = false;
+    }
     if (better) {
       c.result.error = now;
       a_.copy(c.trial, c.x);

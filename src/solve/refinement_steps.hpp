@@ -58,6 +58,7 @@ class Refinement {
   void find_residuals(const std::vector<Column*>& columns);
   void solve_krylov(const Preconditioner& m, std::span<Column* const> group);
   void solve_in_lockstep(const Preconditioner& m, std::span<Column* const> group);
+  [[nodiscard]] double squares_of(const Column& c) const;
   void add_corrections();
   void judge();
 

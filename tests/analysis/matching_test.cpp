@@ -373,5 +373,44 @@ TEST(Matching, TinyEntriesSetNoScale) {
       }
 }
 
+/// [0 B; B^T -d I] with B of entries around 1, times 2^exponent.
+Dense regularised(std::size_t half, double d, int exponent, std::mt19937& random) {
+  std::uniform_real_distribution<double> magnitude(0.5, 1);
+  Dense a(2 * half, std::vector<double>(2 * half, 0));
+  for (std::size_t i = 0; i < half; ++i) {
+    for (const std::size_t j : {i, (i + 1) % half, static_cast<std::size_t>(random()) % half})
+      a[i][half + j] = a[half + j][i] = std::ldexp(magnitude(random), exponent);
+    a[half + i][half + i] = -std::ldexp(d, exponent);
+  }
+  return a;
+}
+
+// How far a residual of rounding size in the scaled matrix may lie above rounding in the caller's: a row's factor times
+// a column's is no less than 1 over this, for entries around 1.
+double spread(const std::vector<double>& row, const std::vector<double>& col, int exponent) {
+  const double least = *std::min_element(row.begin(), row.end()) * *std::min_element(col.begin(), col.end());
+  return 1 / std::ldexp(least, exponent);
+}
+
+// A tiny diagonal beside rows that have none is none, either: whatever it is, the factors stay together, in all units.
+TEST(Matching, TinyDiagonalsBesideMissingOnesSetNoScale) {
+  base::ThreadPool pool(1);
+  std::mt19937 random(12);
+  for (const double d : {1e-5, 1e-8, 1e-12, 1e-20, 1e-50, 1e-150})
+    for (const int exponent : {0, 332, -332})
+      for (const std::size_t half : {1, 2, 20}) {
+        SCOPED_TRACE(::testing::Message() << d << ", 2^" << exponent << ", half " << half);
+        const Dense a = regularised(half, d, exponent, random);
+        const SymmetricMatching m = symmetric_matching(sparse_of(a, Storage::symmetric_lower), pool);
+        EXPECT_LT(spread(m.scale, m.scale, exponent), 1e3);
+        Dense shuffled = a;
+        std::shuffle(shuffled.begin(), shuffled.end(), random);
+        for (const Dense& rows : {a, shuffled}) {
+          const Matching found = maximum_product_matching(sparse_of(rows));
+          EXPECT_LT(spread(found.row_scale, found.col_scale, exponent), 1e3);
+        }
+      }
+}
+
 }  // namespace
 }  // namespace espalier::analysis

@@ -23,8 +23,7 @@ SIDE = 9  # unknowns along an edge
 BOUND = 1e-10  # of errors
 
 
-def grid(PETSc, shift=0.0, wind=0.0, scale=1.0, far=False):
-    """The 7-point Laplacian, shifted, with wind; `far` couples the first with the last unknown, too."""
+def empty(PETSc):
     n = SIDE**3
     comm = PETSc.COMM_WORLD
     # The second of three and more has nothing.
@@ -37,6 +36,31 @@ def grid(PETSc, shift=0.0, wind=0.0, scale=1.0, far=False):
     a.setSizes([[mine, n], [mine, n]])
     a.setType("aij")
     a.setPreallocationNNZ(9)
+    return a
+
+
+def saddle_point(PETSc, size):
+    """[0 B; B^T -size I] with B of 2 on the diagonal and 0.5 beside it, and one unknown more."""
+    a = empty(PETSc)
+    half = SIDE**3 // 2
+    for row in range(*a.getOwnershipRange()):
+        if row == 2 * half:
+            a.setValue(row, row, 1.0)
+        elif row < half:
+            a.setValue(row, half + row, 2.0)
+            a.setValue(row, half + (row + 1) % half, 0.5)
+        else:
+            a.setValue(row, row - half, 2.0)
+            a.setValue(row, (row - half - 1) % half, 0.5)
+            a.setValue(row, row, -size)
+    a.assemble()
+    return a
+
+
+def grid(PETSc, shift=0.0, wind=0.0, scale=1.0, far=False):
+    """The 7-point Laplacian, shifted, with wind; `far` couples the first with the last unknown, too."""
+    a = empty(PETSc)
+    n = SIDE**3
     for row in range(*a.getOwnershipRange()):
         x, y, z = row % SIDE, row // SIDE % SIDE, row // SIDE**2
         a.setValue(row, row, scale * (6.0 + shift))
@@ -115,6 +139,10 @@ def child():
     solver = solver_of(PETSc, a, "cholesky", "preonly")
     solve(PETSc, solver, a, results, "L D L^T")
     results["inertia"] = list(map(int, solver.getPC().getFactorMatrix().getInertia()))
+    for size in (1e-8, 1e-14, 1e-25):
+        a = saddle_point(PETSc, size)
+        for factor in ("lu", "cholesky"):
+            solve(PETSc, solver_of(PETSc, a, factor, "preonly"), a, results, f"saddle point {size:g}, {factor}")
     singular = grid(PETSc, scale=0.0)
     solver = solver_of(PETSc, singular, "lu", "preonly")
     x, b = singular.createVecs()
