@@ -241,6 +241,21 @@ class Search {
     }
   }
 
+  /// Vectors of op(B)'s null space, by a factor of B + E (zeros_of_pivots()): what B makes of random vectors is taken
+  /// off them.
+  /// @returns none where they are no null vectors to rounding
+  [[nodiscard]] Block null_columns(Index columns, bool transpose) const {
+    constexpr int kMostSteps = 4;
+    Block x = start(columns);
+    for (int step = 0; step < kMostSteps; ++step) {
+      Block y = b_.product(x, transpose);
+      if (step > 0 && vanish(y, x)) return x;
+      y = b_.inverse(std::move(y), transpose);
+      for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
+    }
+    return {b_.n(), 0};
+  }
+
   [[nodiscard]] double zero() const { return zero_; }
   [[nodiscard]] const ScaledMatrix& matrix() const { return b_; }
 
@@ -278,6 +293,23 @@ class Search {
     Block again = b_.inverse(b_.product(x, transpose), transpose);
     for (std::size_t k = 0; k < x.values.size(); ++k) again.values[k] -= x.values[k];
     return norm_two(job_.pool, again.column(0), b_.n()) <= kAbout * norm_two(job_.pool, x.column(0), b_.n());
+  }
+
+  // Each column of y beside that of x. A few entries that are no zeros would drown in the length of y.
+  [[nodiscard]] bool vanish(const Block& y, const Block& x) const {
+    const auto largest = [&](const double* v) {
+      double most = 0;
+      for (Index i = 0; i < x.rows; ++i)
+        if (!(std::abs(v[i]) <= most)) most = std::abs(v[i]);  // NaN stays
+      return most;
+    };
+    for (Index c = 0; c < x.columns; ++c) {
+      const double* to = y.column(c);
+      const double* from = x.column(c);
+      if (!(norm_two(job_.pool, to, x.rows) <= zero_ * norm_two(job_.pool, from, x.rows))) return false;
+      if (!(largest(to) <= zero_ * largest(from))) return false;
+    }
+    return true;
   }
 
   // What may be a null direction that the factor's errors have blurred.
@@ -547,6 +579,56 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
     found.complete = false;
     found.zeros = std::max(found.zeros, job.suspects);
   }
+  return found;
+}
+
+bool surely_regular(const DeficiencyJob& job) { return Search(job).surely_regular(); }
+
+namespace {
+
+// What a matrix with so many zeros takes to nothing, and its rows. Of very many vectors no better basis is made.
+void describe_all(const DeficiencyJob& job, const Search& search, double work, Block null, Block left,
+                  Deficiency& found) {
+  found.by_pivots = work > static_cast<double>(kMostWork);
+  const auto make_orthonormal = [&](Block& x) {
+    (void)normalize(job.pool, x);
+    if (!found.by_pivots) orthonormalize(job.pool, x);
+  };
+  make_orthonormal(null);
+  make_orthonormal(left);
+  const auto describe_as = [&](const auto& basis) {
+    if (!found.by_pivots) return describe(search.matrix(), basis(null), basis(left), found);
+    found.null_vectors = callers_vectors(search.matrix(), basis(null), false);
+    found.left_vectors = callers_vectors(search.matrix(), basis(left), true);
+  };
+  if (job.prepared.numbers == base::Numbers::real)
+    describe_as(real_basis);
+  else
+    describe_as([&](const Block& x) { return complex_basis(x, x.columns > 0 ? found.zeros : 0); });
+}
+
+}  // namespace
+
+std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros) {
+  const Index parts = base::parts_of(job.prepared.numbers);
+  if (zeros % parts != 0) return {};
+  Search search(job);
+  if (!search.surely_regular()) return {};
+  search.prepare();
+  const double work = static_cast<double>(search.matrix().n()) * zeros * zeros;
+  const bool all = zeros <= parts * kFirstColumns || work <= job.vector_work;
+  const Index columns = all ? zeros : kFirstColumns;
+  Block null = search.null_columns(columns, false);
+  if (null.columns == 0) return {};
+  Deficiency found;
+  found.zeros = zeros / parts;
+  found.smallest = 0;
+  found.by_pivots = true;
+  if (!all) return found;
+  Block left(search.matrix().n(), 0);
+  if (job.kind == Kind::lu) left = search.null_columns(columns, true);
+  if (job.kind == Kind::lu && left.columns == 0) return {};
+  describe_all(job, search, work, std::move(null), std::move(left), found);
   return found;
 }
 

@@ -74,6 +74,7 @@ class NumericOf final : public Numeric {
         border_scales_ = scale_border(*border_, scales_, border_values_, values_.data() + prepared_.a.nonzeros());
     }
     rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
+    rule_.in_place_of_zero = !parts_with_zeros_ ? 0 : largest > 0 ? largest : 1;
     rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
@@ -122,6 +123,8 @@ class NumericOf final : public Numeric {
     return device_->factorize(smallest_pivot_);
   }
   void set_smallest_pivot(double smallest_pivot) override { smallest_pivot_ = smallest_pivot; }
+
+  void part_with_zeros(bool parts) override { parts_with_zeros_ = parts; }
 
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
@@ -369,8 +372,9 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  ranks::Link* link_;                                    // null: there are no other ranks
-  double smallest_pivot_ = 0;                            // relative to the largest scaled entry
+  ranks::Link* link_;          // null: there are no other ranks
+  double smallest_pivot_ = 0;  // relative to the largest scaled entry
+  bool parts_with_zeros_ = false;
   base::Buffer<T> values_;                               // scaled; only without device_
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;

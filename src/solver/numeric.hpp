@@ -46,6 +46,9 @@ class Numeric {
   /// finite.
   virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
+  /// Whether smaller pivots are replaced by the largest scaled entry (PivotRule::in_place_of_zero), from the next
+  /// factorization on; else by the smallest pivot itself.
+  virtual void part_with_zeros(bool parts) = 0;
   /// Whether scalings of the values' own are those of matchings, from the next factorization on.
   virtual void scale_by_matching(bool matching) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n numbers each; x may alias b.
