@@ -61,6 +61,7 @@ class ScaledMatrix {
         if (cols[i] > 0) col_[i] /= std::sqrt(cols[i]);
       }
     }
+    make_empty_ones_large();
     measure();
   }
 
@@ -103,6 +104,20 @@ class ScaledMatrix {
   }
 
  private:
+  // Nothing measures rows and columns without entries. As large as any, their part of a null vector is not smaller in
+  // the caller's units than what rounding leaves of the others.
+  void make_empty_ones_large() {
+    std::vector<char> row_has(row_.size(), 0), col_has(col_.size(), 0);
+    visit([&](std::size_t i, std::size_t j, double v) {
+      if (v > 0) row_has[i] = col_has[j] = 1;
+    });
+    const double most_row = *std::max_element(row_.begin(), row_.end());
+    const double most_col = *std::max_element(col_.begin(), col_.end());
+    for (std::size_t k = 0; k < row_.size(); ++k) {
+      if (row_has[k] == 0) row_[k] = most_row;
+      if (col_has[k] == 0) col_[k] = most_col;
+    }
+  }
   // To the conjugate, where A^H is that of A^T between two of them.
   void turn(Block& x) const {
     if (job_.prepared.numbers != base::Numbers::complex) return;

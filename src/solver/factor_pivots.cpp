@@ -196,8 +196,8 @@ std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<c
   const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
   try {
-    return solver::place_pivots(*analysis_, scales, values_.values(), border_values_, smallest_pivot_, failed,
-                                context_);
+    return solver::place_pivots(*analysis_, scales, values_.values(), border_values_,
+                                {smallest_pivot_, parts_with_zeros()}, failed, context_);
   } catch (const Error& error) {
     if (error.status().code != StatusCode::out_of_memory) throw;
     return unknown;

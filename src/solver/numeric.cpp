@@ -405,22 +405,25 @@ std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const 
 
 namespace {
 
+device::PivotRule rule_of(Vanishing vanishing, double largest, const Context& context) {
+  return {context.options.pivot_threshold, vanishing.smallest * largest, vanishing.parts ? largest : 0};
+}
+
 // Of a real form. @param plan  the whole
 std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const plan::Plan& plan,
                                                                   const Scales& scales, std::span<const double> values,
-                                                                  double smallest_pivot, std::span<const Index> failed,
+                                                                  Vanishing vanishing, std::span<const Index> failed,
                                                                   const Context& context) {
   const System& s = *analysis.system;
   base::Buffer<std::complex<double>> numbers(s.prepared.a.nonzeros(), &context.budget);
   base::Buffer<double> scaled(s.factored_pattern().nonzeros(), &context.budget);
   const double largest = scale_values(s.prepared, scales, values, numbers.data(), context.pool);
   real_values(*s.real_form, s.prepared.a, numbers.data(), scaled.data(), context.pool);
-  const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
   return context.registry.host().place_pivots(
       device::PlacementJob{plan,
                            analysis.kind(),
                            false,
-                           rule,
+                           rule_of(vanishing, largest, context),
                            {scaled.data(), static_cast<std::size_t>(scaled.size())},
                            context.pool,
                            &context.budget,
@@ -431,9 +434,8 @@ std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis
 
 std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
                                                              std::span<const double> values,
-                                                             std::span<const double> border_values,
-                                                             double smallest_pivot, std::span<const Index> failed,
-                                                             const Context& context) {
+                                                             std::span<const double> border_values, Vanishing vanishing,
+                                                             std::span<const Index> failed, const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
   const bool part = !analysis.plan.row_begin.empty();
   const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
@@ -448,7 +450,7 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
       if (plan.tree.border > 0)
         (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
     }
-    const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
+    const device::PivotRule rule = rule_of(vanishing, largest, context);
     const bool hermitian = p.numbers == base::Numbers::hermitian;
     const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
     found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
@@ -456,7 +458,7 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
   };
   const auto run = [&] {
     if (analysis.system->real_form)
-      found = place_real_pivots(analysis, plan, scales, values, smallest_pivot, failed, context);
+      found = place_real_pivots(analysis, plan, scales, values, vanishing, failed, context);
     else
       base::with_numbers(p.numbers, values.data(), search);
   };

@@ -20,7 +20,9 @@ void try_one(std::uint64_t seed, std::map<std::string, Tally>& tallies) {
   constexpr double kMostCondition = 1e10;
   const verdict::ExactCase c = verdict::make_exact_case(seed);
   Tally& tally = tallies[c.name + (c.complex ? ", complex" : ", real")];
-  const verdict::Trial trial = verdict::make_trial(c, seed);
+  verdict::Trial trial = verdict::make_trial(c, seed);
+  if (std::getenv("VERDICT_LOG") != nullptr)
+    trial.options.log = [](const std::string& line) { std::printf("  %s\n", line.c_str()); };
   std::string wrong = c.zeros < 0 ? "the two truths contradict each other" : "";
   if (wrong.empty() && c.condition > kMostCondition) {
     ++tally.ill_conditioned;

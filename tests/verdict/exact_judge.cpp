@@ -34,44 +34,44 @@ void visit(const ComplexSparseMatrix& a, Use&& use) {
 }
 
 struct Product {
-  std::vector<Wide> y;             // op(A) x
-  std::vector<long double> sizes;  // |op(A)| |x|
+  std::vector<Wide> y;   // op(A) x
+  long double size = 0;  // |op(A)|_inf |x|_inf
 };
 template <class Value>
 Product multiply(const ComplexSparseMatrix& a, const Value* x, bool transpose) {
   const auto n = static_cast<std::size_t>(a.rows);
-  Product p{std::vector<Wide>(n), std::vector<long double>(n, 0)};
+  Product p{std::vector<Wide>(n)};
+  std::vector<long double> rows(n, 0);
+  long double most = 0;
+  for (std::size_t k = 0; k < n; ++k) most = std::max(most, std::abs(Wide(std::real(x[k]), std::imag(x[k]))));
   visit(a, [&](Index r, Index c, std::complex<double> v) {
     const auto i = static_cast<std::size_t>(transpose ? c : r), j = static_cast<std::size_t>(transpose ? r : c);
-    const Wide z = Wide(v.real(), v.imag()) * Wide(std::real(x[j]), std::imag(x[j]));
-    p.y[i] += z;
-    p.sizes[i] += std::abs(z);
+    const Wide z(v.real(), v.imag());
+    p.y[i] += z * Wide(std::real(x[j]), std::imag(x[j]));
+    rows[i] += std::abs(z);
   });
+  p.size = *std::max_element(rows.begin(), rows.end()) * most;
   return p;
 }
 
 template <class Value>
 long double null_error(const ComplexSparseMatrix& a, const Value* v, bool transpose) {
   const Product p = multiply(a, v, transpose);
-  long double most = 0, scale = 0;
-  for (std::size_t i = 0; i < p.y.size(); ++i) {
-    most = std::max(most, std::abs(p.y[i]));
-    scale = std::max(scale, p.sizes[i]);
-  }
-  return scale > 0 ? most / scale : 0;
+  long double most = 0;
+  for (const Wide y : p.y) most = std::max(most, std::abs(y));
+  return p.size > 0 ? most / p.size : 0;
 }
 
-// The largest error of a row beside what is added up there.
 template <class Value>
 long double backward_error(const ComplexSparseMatrix& a, const std::vector<Value>& b, const std::vector<Value>& x) {
   const Product p = multiply(a, x.data(), false);
-  long double most = 0, scale = 0;
+  long double most = 0, given = 0;
   for (std::size_t i = 0; i < b.size(); ++i) {
     const Wide right(std::real(b[i]), std::imag(b[i]));
     most = std::max(most, std::abs(right - p.y[i]));
-    scale = std::max(scale, p.sizes[i] + std::abs(right));
+    given = std::max(given, std::abs(right));
   }
-  return scale > 0 ? most / scale : 0;
+  return p.size + given > 0 ? most / (p.size + given) : 0;
 }
 
 SparseMatrix as_given(const ComplexSparseMatrix& a, double) {
