@@ -239,9 +239,11 @@ void ChangedSystem::Impl::prepare() {
                     "depend on others must go",
                     border->active_count()));
   // |M|_inf = |M^T|_1
-  norm = solver::estimate_inverse_norm<double>(size(), [this](const double* x, double* y, bool transpose) {
-    Eigen::Map<VectorXd>(y, size()) = multiply(Eigen::Map<const VectorXd>(x, size()), !transpose);
-  });
+  norm =
+      solver::estimate_inverse_norm<double>(size(), [this](const double* x, double* y, Index columns, bool transpose) {
+        for (const double* end = x + Offset{columns} * size(); x != end; x += size(), y += size())
+          Eigen::Map<VectorXd>(y, size()) = multiply(Eigen::Map<const VectorXd>(x, size()), !transpose);
+      });
   stale = false;
 }
 

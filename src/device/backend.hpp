@@ -50,8 +50,9 @@ struct Limits {
   /// The devices have memory of their own, so that a factorization may be too large without any budget. Else they live
   /// in the host's, and only a budget makes them small.
   bool own_memory = false;
-  bool ranks = false;    ///< executors can share a plan with those of other processes (Job::link)
-  bool complex = false;  ///< it has executors of complex numbers
+  bool ranks = false;             ///< executors can share a plan with those of other processes (Job::link)
+  bool complex = false;           ///< it has executors of complex numbers
+  bool parts_with_zeros = false;  ///< they know PivotRule::in_place_of_zero
 };
 
 /// What the caller of a plan wants; the backend adds the layout of fronts and tiles that its kernels need.

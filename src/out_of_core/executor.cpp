@@ -33,6 +33,7 @@ device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) 
     all.negative += o.negative;
     all.two_by_two += o.two_by_two;
     join(all.replaced, o.replaced);
+    join(all.replaced_rows, o.replaced_rows);
     join(all.small, o.small);
     all.small_negative += o.small_negative;
     join(all.failed, o.failed);

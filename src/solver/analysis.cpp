@@ -180,22 +180,6 @@ Draft prepare(const GivenMatrix& a, Kind kind, const Context& context) {
   return draft;
 }
 
-// Zeros among the entries belong to the pattern: where the others alone cannot be matched, the pattern is analyzed, as
-// if there were no values. Optimisers fill them in later.
-Draft prepare_pattern_at_worst(const GivenMatrix& a, Kind kind, const Context& context) {
-  try {
-    return prepare(a, kind, context);
-  } catch (const Error& e) {
-    const std::vector<double> sizes = magnitudes(a.numbers, a.a.values);
-    const bool zeros = std::find(sizes.begin(), sizes.end(), 0.0) != sizes.end();
-    if (e.status().code != StatusCode::singular || !zeros) throw;
-  }
-  context.log("the entries that are not zero cannot be matched: the pattern is analyzed without its values");
-  GivenMatrix pattern = a;
-  pattern.a.values = {};
-  return prepare(pattern, kind, context);
-}
-
 analysis::AssemblyTree tree_of(Draft& draft, const Context& context) {
   const double start = base::now_seconds();
   const PreparedMatrix& p = draft.system.prepared;
@@ -270,7 +254,7 @@ Ordered order(const GivenMatrix& given, const Context& context, std::shared_ptr<
   if (!context.options.analyze_values) a.a.values = {};
   const Kind wish = context.options.kind;
   const Kind chosen = choose_kind(a, wish, context.pool);
-  Draft draft = prepare_pattern_at_worst(a, chosen, context);
+  Draft draft = prepare(a, chosen, context);
   draft.system.border = std::move(border);
   draft.system.kind_may_change = wish == Kind::automatic && chosen == Kind::llt;
   return ordered(std::move(draft), start, context);

@@ -61,6 +61,7 @@ class ScaledMatrix {
         if (cols[i] > 0) col_[i] /= std::sqrt(cols[i]);
       }
     }
+    make_empty_ones_large();
     measure();
   }
 
@@ -103,6 +104,20 @@ class ScaledMatrix {
   }
 
  private:
+  // Nothing measures rows and columns without entries. As large as any, their part of a null vector is not smaller in
+  // the caller's units than what rounding leaves of the others.
+  void make_empty_ones_large() {
+    std::vector<char> row_has(row_.size(), 0), col_has(col_.size(), 0);
+    visit([&](std::size_t i, std::size_t j, double v) {
+      if (v > 0) row_has[i] = col_has[j] = 1;
+    });
+    const double most_row = *std::max_element(row_.begin(), row_.end());
+    const double most_col = *std::max_element(col_.begin(), col_.end());
+    for (std::size_t k = 0; k < row_.size(); ++k) {
+      if (row_has[k] == 0) row_[k] = most_row;
+      if (col_has[k] == 0) col_[k] = most_col;
+    }
+  }
   // To the conjugate, where A^H is that of A^T between two of them.
   void turn(Block& x) const {
     if (job_.prepared.numbers != base::Numbers::complex) return;
@@ -241,6 +256,21 @@ class Search {
     }
   }
 
+  /// Vectors of op(B)'s null space, by a factor of B + E (zeros_of_pivots()): what B makes of random vectors is taken
+  /// off them.
+  /// @returns none where they are no null vectors to rounding
+  [[nodiscard]] Block null_columns(Index columns, bool transpose) const {
+    constexpr int kMostSteps = 4;
+    Block x = start(columns);
+    for (int step = 0; step < kMostSteps; ++step) {
+      Block y = b_.product(x, transpose);
+      if (step > 0 && vanish(y, x)) return x;
+      y = b_.inverse(std::move(y), transpose);
+      for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
+    }
+    return {b_.n(), 0};
+  }
+
   [[nodiscard]] double zero() const { return zero_; }
   [[nodiscard]] const ScaledMatrix& matrix() const { return b_; }
 
@@ -278,6 +308,23 @@ class Search {
     Block again = b_.inverse(b_.product(x, transpose), transpose);
     for (std::size_t k = 0; k < x.values.size(); ++k) again.values[k] -= x.values[k];
     return norm_two(job_.pool, again.column(0), b_.n()) <= kAbout * norm_two(job_.pool, x.column(0), b_.n());
+  }
+
+  // Each column of y beside that of x. A few entries that are no zeros would drown in the length of y.
+  [[nodiscard]] bool vanish(const Block& y, const Block& x) const {
+    const auto largest = [&](const double* v) {
+      double most = 0;
+      for (Index i = 0; i < x.rows; ++i)
+        if (!(std::abs(v[i]) <= most)) most = std::abs(v[i]);  // NaN stays
+      return most;
+    };
+    for (Index c = 0; c < x.columns; ++c) {
+      const double* to = y.column(c);
+      const double* from = x.column(c);
+      if (!(norm_two(job_.pool, to, x.rows) <= zero_ * norm_two(job_.pool, from, x.rows))) return false;
+      if (!(largest(to) <= zero_ * largest(from))) return false;
+    }
+    return true;
   }
 
   // What may be a null direction that the factor's errors have blurred.
@@ -547,6 +594,56 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
     found.complete = false;
     found.zeros = std::max(found.zeros, job.suspects);
   }
+  return found;
+}
+
+bool surely_regular(const DeficiencyJob& job) { return Search(job).surely_regular(); }
+
+namespace {
+
+// What a matrix with so many zeros takes to nothing, and its rows. Of very many vectors no better basis is made.
+void describe_all(const DeficiencyJob& job, const Search& search, double work, Block null, Block left,
+                  Deficiency& found) {
+  found.by_pivots = work > static_cast<double>(kMostWork);
+  const auto make_orthonormal = [&](Block& x) {
+    (void)normalize(job.pool, x);
+    if (!found.by_pivots) orthonormalize(job.pool, x);
+  };
+  make_orthonormal(null);
+  make_orthonormal(left);
+  const auto describe_as = [&](const auto& basis) {
+    if (!found.by_pivots) return describe(search.matrix(), basis(null), basis(left), found);
+    found.null_vectors = callers_vectors(search.matrix(), basis(null), false);
+    found.left_vectors = callers_vectors(search.matrix(), basis(left), true);
+  };
+  if (job.prepared.numbers == base::Numbers::real)
+    describe_as(real_basis);
+  else
+    describe_as([&](const Block& x) { return complex_basis(x, x.columns > 0 ? found.zeros : 0); });
+}
+
+}  // namespace
+
+std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros) {
+  const Index parts = base::parts_of(job.prepared.numbers);
+  if (zeros % parts != 0) return {};
+  Search search(job);
+  if (!search.surely_regular()) return {};
+  search.prepare();
+  const double work = static_cast<double>(search.matrix().n()) * zeros * zeros;
+  const bool all = zeros <= parts * kFirstColumns || work <= job.vector_work;
+  const Index columns = all ? zeros : kFirstColumns;
+  Block null = search.null_columns(columns, false);
+  if (null.columns == 0) return {};
+  Deficiency found;
+  found.zeros = zeros / parts;
+  found.smallest = 0;
+  found.by_pivots = true;
+  if (!all) return found;
+  Block left(search.matrix().n(), 0);
+  if (job.kind == Kind::lu) left = search.null_columns(columns, true);
+  if (job.kind == Kind::lu && left.columns == 0) return {};
+  describe_all(job, search, work, std::move(null), std::move(left), found);
   return found;
 }
 

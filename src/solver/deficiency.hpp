@@ -10,6 +10,7 @@
 #pragma once
 
 #include <limits>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -43,6 +44,7 @@ struct Deficiency {
   double worst = 0;                  ///< of the null vectors, on either side: |B v| / (|B| |v|)
   bool doubtful = false;             ///< the factor has pivots with which it does not solve: there may be more zeros
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
+  bool by_pivots = false;            ///< each replaced pivot is a zero, and tells its row; no row was sought
 };
 
 struct DeficiencyJob {
@@ -53,10 +55,11 @@ struct DeficiencyJob {
   base::ThreadPool& pool;
   const matrix::RowIndex& rows;  ///< of prepared.a
   Kind kind;
-  bool rough;          ///< the factor is FP32, or no better
-  bool replaced;       ///< the factor has pivots that were replaced
-  Index suspects = 0;  ///< pivots that are small or were replaced
-  Index proven = 0;    ///< zeros that another factor of the matrix has shown
+  bool rough = false;      ///< the factor is FP32, or no better
+  bool replaced = false;   ///< the factor has pivots that were replaced
+  Index suspects = 0;      ///< pivots that are small or were replaced
+  Index proven = 0;        ///< zeros that another factor of the matrix has shown
+  double vector_work = 0;  ///< null vectors are sought where they take fewer operations
   /// Nothing more is asked than whether a factor of FP32 is sure to tell the matrix from a singular one: `smallest` is
   /// 0 where it is not. Not with replaced pivots.
   bool surely_alone = false;
@@ -64,5 +67,17 @@ struct DeficiencyJob {
 
 /// @pre the numeric factor solves (llt: no pivot was lost)
 Deficiency find_deficiency(const DeficiencyJob& job);
+
+/// Whether each vanishing pivot stands for a zero, and nothing else does, told without a search for the null vectors.
+///
+/// The factor has parted with the zeros: it is that of B + E, where E has as many entries as pivots vanished, k, each
+/// as large as B's. If B + E is regular, n - k singular values of B are above its smallest one (Weyl). What is left of
+/// random vectors, x - (B + E)^-1 B x, lies in a space of dimension k: where B takes it to nothing, so does it the
+/// space.
+/// @param zeros  replaced pivots in the real space of job.prepared.numbers
+/// @returns nothing where that cannot be told
+std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros);
+/// Whether the matrix that was factorized is surely regular; it takes a few solutions.
+bool surely_regular(const DeficiencyJob& job);
 
 }  // namespace espalier::solver

@@ -17,6 +17,7 @@
 #include "solver/deficiency.hpp"
 #include "solver/numeric.hpp"
 #include "solver/precision_choice.hpp"
+#include "solver/substitution.hpp"
 
 namespace espalier::solver {
 
@@ -121,6 +122,13 @@ class Factor {
   void note(const SolveResult& solve);
   /// Does so at once, with the same values. @returns whether there is a factor in FP64 that was not there before
   [[nodiscard]] bool goes_to_fp64();
+  /// op(A)^-1 B by the factor, or by substitution; n numbers each, column-major.
+  void solve(const double* b, double* x, Index columns, bool transpose);
+  /// Whether solve() does without the factor.
+  [[nodiscard]] bool substitutes() const { return substitution_.has_value(); }
+  /// Does so from now on where the matrix is triangular in some order of its rows and columns. Looked at once for each
+  /// factorization. @returns whether it did not before
+  [[nodiscard]] bool goes_to_substitution();
   /// Singularity that no pivot has shown: a solution that is far larger than its right-hand side (n values each, on the
   /// host) has the matrix judged, once for each factorization.
   Status second_look(const double* b, const double* x, bool transpose);
@@ -143,6 +151,9 @@ class Factor {
   void go_on_with(std::span<const analysis::PivotMove> moves);
   [[nodiscard]] bool follow(const analysis::AssemblyTree& tree, std::vector<Index> front_before, Index moved_pivots);
   void set_smallest_pivot();
+  [[nodiscard]] bool parts_with_zeros() const;
+  [[nodiscard]] bool proves_zeros(device::FactorOutcome& outcome);
+  [[nodiscard]] bool zeros_without_search(const device::FactorOutcome& outcome);
   device::FactorOutcome settle_pivots();
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);
   enum class Moved { nowhere, one_up, searched };
@@ -154,16 +165,20 @@ class Factor {
   void choose_pivots_freely();
   void turn_to_ldlt();
   [[nodiscard]] bool factor_solves() const;
-  const Deficiency& judge(const device::FactorOutcome& outcome);
+  const Deficiency& judge(device::FactorOutcome& outcome);
   [[nodiscard]] Deficiency deficiency(bool replaced, Index suspects, bool surely_alone);
+  /// With a job of this factor, whose values are fetched.
+  template <class Use>
+  auto with_deficiency_job(Use&& use);
   void with_larger_pivots(const std::function<bool()>& search);
   [[nodiscard]] bool pivots_are_given() const {
     return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
   }
   [[nodiscard]] bool zeros_explain(device::FactorOutcome& outcome);
-  [[nodiscard]] bool needs_fp64(const device::FactorOutcome& outcome);
-  bool lost_to_scaling(const device::FactorOutcome& outcome);
+  [[nodiscard]] bool needs_fp64(device::FactorOutcome& outcome);
+  bool lost_to_scaling(device::FactorOutcome& outcome);
   [[nodiscard]] bool weakly_scaled(const device::FactorOutcome& outcome) const;
+  [[nodiscard]] bool is_triangular();
   void raise_precision(std::string_view why);
   void raise_where_noted();
   [[nodiscard]] bool narrow_tiles() const;
@@ -184,11 +199,14 @@ class Factor {
   double harmless_growth_ = 0;            // largest entries of a solution over those of its right-hand side: likewise
   bool regular_in_fp32_ = false;          // a factor in FP32 told the matrix from a singular one, in this plan
   bool looked_ = false;                   // at the matrix itself, whatever the pivots say
-  bool matched_ = false;                  // this factorization has turned from equilibration to a matching
-  bool halts_ = true;                     // factorizations end where pivots fail
-  bool had_zeros_ = false;                // the last factorization ended with replaced pivots
-  bool follows_ = false;                  // numeric_ goes on with what the last factorization has left
-  bool gave_up_ = false;                  // no place was found for failing pivots
+  std::optional<Substitution> substitution_;  // of the values of this factorization
+  bool ordered_ = false;                      // it was looked for
+  bool matched_ = false;                      // this factorization has turned from equilibration to a matching
+  bool halts_ = true;                         // factorizations end where pivots fail
+  bool parts_ = true;                         // vanishing pivots count as zeros, until that proves wrong
+  bool had_zeros_ = false;                    // the last factorization ended with replaced pivots
+  bool follows_ = false;                      // numeric_ goes on with what the last factorization has left
+  bool gave_up_ = false;                      // no place was found for failing pivots
   FactorResult result_;
   std::uint64_t stamp_ = 0;
   std::complex<double> phase_ = 1;  // complex: the determinant over its magnitude and sign

@@ -27,7 +27,8 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
   PivotPolicy policy(narrow_tiles());
   if (zeros_explain(outcome)) return outcome;
   for (;;) {
-    const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome);
+    const bool zeros_stay = parts_with_zeros() && (analysis_->kind() == Kind::ldlt || outcome.failed.empty());
+    const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome, zeros_stay);
     const auto solves = [&] {
       complete(outcome);
       return factor_solves();
@@ -35,11 +36,12 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
     switch (policy.next(static_cast<Index>(movable.size()), solves)) {
       case PivotPolicy::Step::stop:
         complete(outcome);
+        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) break;
         return outcome;
       case PivotPolicy::Step::move: {
         const bool near = policy.near(outcome.halted) && (outcome.halted || !search_is_short());
         const Moved moved = move_pivots(movable, near);
-        if (moved == Moved::nowhere) halts_ = false;
+        if (moved == Moved::nowhere) halts_ = parts_ = false;
         again(outcome);
         if (moved == Moved::nowhere) return outcome;
         if (moved == Moved::searched) policy.note_search();
@@ -56,13 +58,19 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
 // A singular matrix leaves pivots for which no other front has better partners.
 bool Factor::zeros_explain(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given()) return false;
-  // With a replaced pivot of lu, its row failed as well. Other failures spoil the factor that is to be asked.
+  // With a replaced pivot of lu, its row failed as well, unless it vanished, too. Other failures spoil the factor that
+  // is to be asked.
   const auto spoilt = [&] {
-    return outcome.failed.size() > (analysis_->kind() == Kind::lu ? outcome.replaced.size() : 0);
+    const bool rows = analysis_->kind() == Kind::lu && !parts_with_zeros();
+    return outcome.failed.size() > (rows ? outcome.replaced.size() : 0);
   };
   if (spoilt()) return false;
   complete(outcome);
   if (spoilt()) return false;
+  if (parts_with_zeros()) {
+    if (proves_zeros(outcome)) return true;
+    if (spoilt() || outcome.replaced.empty()) return false;
+  }
   return judge(outcome).zeros >= analysis_->system->unknowns(outcome.replaced.size());
 }
 
@@ -188,8 +196,8 @@ std::optional<std::vector<analysis::PivotMove>> Factor::place_pivots(std::span<c
   const Scales scales = numeric_->scales();
   numeric_.reset();  // its memory is not needed any more
   try {
-    return solver::place_pivots(*analysis_, scales, values_.values(), border_values_, smallest_pivot_, failed,
-                                context_);
+    return solver::place_pivots(*analysis_, scales, values_.values(), border_values_,
+                                {smallest_pivot_, parts_with_zeros()}, failed, context_);
   } catch (const Error& error) {
     if (error.status().code != StatusCode::out_of_memory) throw;
     return unknown;

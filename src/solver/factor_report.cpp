@@ -39,13 +39,19 @@ std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::F
   return reports;
 }
 
-std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& positions) {
-  std::vector<Index> rows;
+std::vector<Index> columns_of(const Analysis& analysis, const std::vector<Index>& positions) {
+  std::vector<Index> columns;
   for (const Index p : positions)
-    rows.push_back(analysis.system->prepared.row_of(
-        analysis.system->unknown_of(analysis.plan.tree.order[static_cast<std::size_t>(p)])));
+    columns.push_back(analysis.system->unknown_of(analysis.plan.tree.order[static_cast<std::size_t>(p)]));
+  std::sort(columns.begin(), columns.end());
+  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  return columns;
+}
+
+std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& positions) {
+  std::vector<Index> rows = columns_of(analysis, positions);
+  for (Index& row : rows) row = analysis.system->prepared.row_of(row);
   std::sort(rows.begin(), rows.end());
-  rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
   return rows;
 }
 
@@ -129,6 +135,10 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   if (zeros == 0 || bounded) return r;
   r.determinant_sign = 0;
   r.determinant_log = -std::numeric_limits<double>::infinity();
+  if (deficiency.by_pivots) {
+    deficiency.rows = rows_of(analysis, analysis.kind() == Kind::lu ? outcome.replaced_rows : outcome.replaced);
+    if (analysis.kind() == Kind::lu) deficiency.columns = columns_of(analysis, outcome.replaced);
+  }
   r.dependent_rows =
       deficiency.complete && !given ? std::move(deficiency.rows) : rows_of(analysis, vanishing(outcome, !given));
   r.null_vectors = std::move(deficiency.null_vectors);

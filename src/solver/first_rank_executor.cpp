@@ -20,6 +20,7 @@ void each_field_of_outcome(Outcome& o, Use&& use) {
   use(o.negative);
   use(o.two_by_two);
   use(o.replaced);
+  use(o.replaced_rows);
   use(o.small);
   use(o.small_negative);
   use(o.failed);

@@ -74,6 +74,7 @@ class NumericOf final : public Numeric {
         border_scales_ = scale_border(*border_, scales_, border_values_, values_.data() + prepared_.a.nonzeros());
     }
     rule_.tiny = given_zero_ > 0 ? given_zero_ : smallest_pivot_ * largest;
+    rule_.in_place_of_zero = !parts_with_zeros_ ? 0 : largest > 0 ? largest : 1;
     rule_.largest = largest;
     rule_.suspect = suspect_pivot(base::ScalarTraits<T>::epsilon) * largest;
     for (std::size_t k = 0; k < smallest_.size(); ++k)
@@ -122,6 +123,8 @@ class NumericOf final : public Numeric {
     return device_->factorize(smallest_pivot_);
   }
   void set_smallest_pivot(double smallest_pivot) override { smallest_pivot_ = smallest_pivot; }
+
+  void part_with_zeros(bool parts) override { parts_with_zeros_ = parts; }
 
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
@@ -369,8 +372,9 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  ranks::Link* link_;                                    // null: there are no other ranks
-  double smallest_pivot_ = 0;                            // relative to the largest scaled entry
+  ranks::Link* link_;          // null: there are no other ranks
+  double smallest_pivot_ = 0;  // relative to the largest scaled entry
+  bool parts_with_zeros_ = false;
   base::Buffer<T> values_;                               // scaled; only without device_
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;
@@ -401,22 +405,25 @@ std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const 
 
 namespace {
 
+device::PivotRule rule_of(Vanishing vanishing, double largest, const Context& context) {
+  return {context.options.pivot_threshold, vanishing.smallest * largest, vanishing.parts ? largest : 0};
+}
+
 // Of a real form. @param plan  the whole
 std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const plan::Plan& plan,
                                                                   const Scales& scales, std::span<const double> values,
-                                                                  double smallest_pivot, std::span<const Index> failed,
+                                                                  Vanishing vanishing, std::span<const Index> failed,
                                                                   const Context& context) {
   const System& s = *analysis.system;
   base::Buffer<std::complex<double>> numbers(s.prepared.a.nonzeros(), &context.budget);
   base::Buffer<double> scaled(s.factored_pattern().nonzeros(), &context.budget);
   const double largest = scale_values(s.prepared, scales, values, numbers.data(), context.pool);
   real_values(*s.real_form, s.prepared.a, numbers.data(), scaled.data(), context.pool);
-  const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
   return context.registry.host().place_pivots(
       device::PlacementJob{plan,
                            analysis.kind(),
                            false,
-                           rule,
+                           rule_of(vanishing, largest, context),
                            {scaled.data(), static_cast<std::size_t>(scaled.size())},
                            context.pool,
                            &context.budget,
@@ -427,9 +434,8 @@ std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis
 
 std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
                                                              std::span<const double> values,
-                                                             std::span<const double> border_values,
-                                                             double smallest_pivot, std::span<const Index> failed,
-                                                             const Context& context) {
+                                                             std::span<const double> border_values, Vanishing vanishing,
+                                                             std::span<const Index> failed, const Context& context) {
   const PreparedMatrix& p = analysis.system->prepared;
   const bool part = !analysis.plan.row_begin.empty();
   const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
@@ -444,7 +450,7 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
       if (plan.tree.border > 0)
         (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
     }
-    const device::PivotRule rule{context.options.pivot_threshold, smallest_pivot * largest};
+    const device::PivotRule rule = rule_of(vanishing, largest, context);
     const bool hermitian = p.numbers == base::Numbers::hermitian;
     const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
     found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
@@ -452,7 +458,7 @@ std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& ana
   };
   const auto run = [&] {
     if (analysis.system->real_form)
-      found = place_real_pivots(analysis, plan, scales, values, smallest_pivot, failed, context);
+      found = place_real_pivots(analysis, plan, scales, values, vanishing, failed, context);
     else
       base::with_numbers(p.numbers, values.data(), search);
   };

@@ -46,6 +46,9 @@ class Numeric {
   /// finite.
   virtual std::optional<device::FactorOutcome> factorize_device(const double* values) = 0;
   virtual void set_smallest_pivot(double smallest_pivot) = 0;
+  /// Whether smaller pivots are replaced by the largest scaled entry (PivotRule::in_place_of_zero), from the next
+  /// factorization on; else by the smallest pivot itself.
+  virtual void part_with_zeros(bool parts) = 0;
   /// Whether scalings of the values' own are those of matchings, from the next factorization on.
   virtual void scale_by_matching(bool matching) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n numbers each; x may alias b.
@@ -70,11 +73,15 @@ class Numeric {
 std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values,
                                       std::span<const double> border_values, const Context& context);
 
+/// Smaller pivots than `smallest`, relative to the largest scaled entry, vanish.
+struct Vanishing {
+  double smallest = 0;
+  bool parts = false;  ///< see Numeric::part_with_zeros()
+};
 /// Where pivots have to go, by values that are scaled for it.
 std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
                                                              std::span<const double> values,
-                                                             std::span<const double> border_values,
-                                                             double smallest_pivot, std::span<const Index> failed,
-                                                             const Context& context);
+                                                             std::span<const double> border_values, Vanishing vanishing,
+                                                             std::span<const Index> failed, const Context& context);
 
 }  // namespace espalier::solver

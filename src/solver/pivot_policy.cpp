@@ -6,11 +6,11 @@
 
 namespace espalier::solver {
 
-std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome) {
+std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome, bool zeros_stay) {
   std::vector<Index> moved;
-  if (outcome.failed.empty() && outcome.replaced.empty()) return moved;
   std::vector<Index> bad(outcome.failed);
-  bad.insert(bad.end(), outcome.replaced.begin(), outcome.replaced.end());
+  if (!zeros_stay) bad.insert(bad.end(), outcome.replaced.begin(), outcome.replaced.end());
+  if (bad.empty()) return moved;
   std::sort(bad.begin(), bad.end());
   bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
   const auto& tree = plan.tree;

@@ -14,7 +14,9 @@ namespace espalier::solver {
 /// Delayed pivoting by re-analysis: the positions of pivots that could not be eliminated stably in their fronts and had
 /// better go to their parents. Only the lowest failures are among them: what failed above them was computed from their
 /// debris. Ascending.
-std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome);
+/// @param zeros_stay  pivots that were replaced have not failed: no other front has better partners for them
+std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome,
+                                  bool zeros_stay = false);
 
 /// An outcome of llt, which reports its suspicious pivots as replaced, and has replaced none.
 device::FactorOutcome with_suspects(device::FactorOutcome llt);

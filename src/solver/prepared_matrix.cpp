@@ -380,6 +380,73 @@ std::vector<double> sizes_for_scaling(base::Numbers numbers, std::span<const dou
   return magnitudes(numbers, values);
 }
 
+// What a matching is to choose from where the entries that are not zero do not suffice: these by their scaled sizes,
+// and stored zeros, which optimisers fill in later, behind them.
+std::vector<double> sizes_with_zeros(const MatrixView& a, const std::vector<double>& row,
+                                     const std::vector<double>& col) {
+  constexpr double kLeast = 0x1p-20, kZero = 0x1p-40;
+  std::vector<double> sizes(a.values.size());
+  for (std::size_t c = 0; c < col.size(); ++c)
+    for (auto q = static_cast<std::size_t>(a.col_ptr[c]); q < static_cast<std::size_t>(a.col_ptr[c + 1]); ++q) {
+      const double size = std::abs(a.values[q]);
+      sizes[q] =
+          size > 0 ? std::clamp(size * row[static_cast<std::size_t>(a.row_ind[q])] * col[c], kLeast, 1.0) : kZero;
+    }
+  return sizes;
+}
+
+bool has_zeros(const MatrixView& a) { return std::find(a.values.begin(), a.values.end(), 0.0) != a.values.end(); }
+
+void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base::ThreadPool& pool) {
+  analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
+  p.row_scale = p.col_scale = std::move(m.scale);
+  p.pair = std::move(m.pair);
+  if (m.structural_rank == p.n()) return;
+  std::vector<double> sizes;
+  if (has_zeros(a)) {
+    sizes = sizes_with_zeros(a, p.row_scale, p.col_scale);
+    a.values = sizes;
+    m = analysis::symmetric_matching(a, pool);
+    p.pair = std::move(m.pair);
+  }
+  if (partners_needed && m.structural_rank < p.n())
+    refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(a)).row_of_col), p.n());
+}
+
+// Rows without partner take the columns that are left, their own where it is among these.
+void match_the_rest(std::vector<Index>& row_of_col) {
+  std::vector<Index> rows = unmatched_rows(row_of_col);
+  std::erase_if(rows, [&](Index r) {
+    const bool own = row_of_col[static_cast<std::size_t>(r)] < 0;
+    if (own) row_of_col[static_cast<std::size_t>(r)] = r;
+    return own;
+  });
+  auto next = rows.begin();
+  for (Index& row : row_of_col)
+    if (row < 0) row = *next++;
+}
+
+void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed, base::ThreadPool& pool) {
+  analysis::Matching m = analysis::maximum_product_matching(a, pool);
+  std::vector<double> sizes;
+  if (m.structural_rank < p.n() && has_zeros(a)) {
+    sizes = sizes_with_zeros(a, m.row_scale, m.col_scale);
+    MatrixView with_zeros = a;
+    with_zeros.values = sizes;
+    analysis::Matching all = analysis::maximum_product_matching(with_zeros, pool);
+    m.row_of_col = std::move(all.row_of_col);
+    m.structural_rank = all.structural_rank;
+  }
+  if (m.structural_rank < p.n()) {
+    if (partners_needed) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
+    match_the_rest(m.row_of_col);
+  }
+  p.pair = analysis::pairs_for_lu(a, m, pool);
+  p.row_scale = std::move(m.row_scale);
+  p.col_scale = std::move(m.col_scale);
+  if (p.pair.empty()) p.row_of_col = std::move(m.row_of_col);
+}
+
 }  // namespace
 
 void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool) {
@@ -387,20 +454,11 @@ void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base:
   const std::vector<double> sizes = sizes_for_scaling(p.numbers, p.a.values);
   MatrixView a = p.a;
   if (!sizes.empty()) a.values = sizes;
+  const bool partners_needed = options.singular == SingularMatrix::error;
   if (kind == Kind::ldlt && options.matching) {
-    analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
-    if (m.structural_rank < p.n())
-      refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(a)).row_of_col), p.n());
-    p.row_scale = m.scale;
-    p.col_scale = std::move(m.scale);
-    p.pair = std::move(m.pair);
+    match_symmetric(p, a, partners_needed, pool);
   } else if (kind == Kind::lu && options.matching) {
-    analysis::Matching m = analysis::maximum_product_matching(a, pool);
-    if (m.structural_rank < p.n()) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
-    p.pair = analysis::pairs_for_lu(a, m, pool);
-    p.row_scale = std::move(m.row_scale);
-    p.col_scale = std::move(m.col_scale);
-    if (p.pair.empty()) p.row_of_col = std::move(m.row_of_col);
+    match_general(p, a, partners_needed, pool);
   } else {
     analysis::Scaling s = analysis::equilibrate(a);
     p.row_scale = std::move(s.row);

@@ -105,7 +105,9 @@ bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool
 /// Scaling and, with options.matching, the maximum product matching (ldlt, lu). llt is scaled only for factors of low
 /// precision (in FP64 Cholesky's error does not depend on scaling: van der Sluis 1969) and where products of its
 /// entries would overflow.
-/// @throws Error(singular) for a structurally singular matrix
+/// Stored zeros take part in the matching where the other entries do not suffice: optimisers fill them in later.
+/// @throws Error(singular) for a structurally singular matrix, unless a report is asked for: then rows without partner
+///         are matched to the columns that are left, where nothing stands
 void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool);
 
 /// Sets p.transform_sign, p.transform_log and p.wide for its scaling and matching. Once an analysis: n logarithms after

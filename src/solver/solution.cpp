@@ -73,7 +73,7 @@ class Solving {
     double first = -1;
     const solve::Preconditioner apply = [&](const double* from, double* to, Index count) {
       const double began = base::now_seconds();
-      factor_.numeric().solve(from, to, count, job.transpose);
+      factor_.solve(from, to, count, job.transpose);
       if (first < 0) first = base::now_seconds() - began;
     };
     result_ = SolveResult{};
@@ -210,12 +210,14 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
   }
   const auto once = [&] {
     Solving solving(factor, context);
-    if (!solving.through_device(job)) solving.on_host(job);
+    if (factor.substitutes() || !solving.through_device(job)) solving.on_host(job);
     return solving.judged(job.b, job.columns, start);
   };
   SolveResult result = once();
   factor.note(result);
   if (factor.goes_to_fp64()) result = once();
+  const bool inaccurate = result.status.code == StatusCode::accuracy_not_reached;
+  if (inaccurate && factor.goes_to_substitution()) result = once();
   if (std::isnan(result.backward_error)) return result;  // nobody asks
   if (Status status = factor.second_look(job.b, job.x, job.transpose); !status.ok()) result.status = std::move(status);
   return result;
@@ -247,19 +249,20 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
 double estimate_condition(Factor& factor) {
   const double norm = factor.norm(true);
   const Index n = factor.analysis()->n();
-  const auto solve_real = [&](const double* x, double* y, bool transpose) {
-    factor.numeric().solve(x, y, 1, transpose);
+  const auto solve_real = [&](const double* x, double* y, Index columns, bool transpose) {
+    factor.solve(x, y, columns, transpose);
   };
   if (factor.analysis()->system->numbers() == base::Numbers::real)
     return estimate_inverse_norm<double>(n, solve_real) * norm;
   const bool hermitian = factor.analysis()->system->numbers() == base::Numbers::hermitian;
   const double inverse = estimate_inverse_norm<std::complex<double>>(
-      n, [&](const std::complex<double>* x, std::complex<double>* y, bool adjoint) {
-        std::vector<std::complex<double>> from(x, x + n);
+      n, [&](const std::complex<double>* x, std::complex<double>* y, Index columns, bool adjoint) {
+        const Offset numbers = Offset{n} * columns;
+        std::vector<std::complex<double>> from(x, x + numbers);
         const bool turned = adjoint && !hermitian;  // A^-H x is the conjugate of A^-T times that of x
-        if (turned) conjugate(reinterpret_cast<double*>(from.data()), n);
-        solve_real(reinterpret_cast<const double*>(from.data()), reinterpret_cast<double*>(y), adjoint);
-        if (turned) conjugate(reinterpret_cast<double*>(y), n);
+        if (turned) conjugate(reinterpret_cast<double*>(from.data()), numbers);
+        solve_real(reinterpret_cast<const double*>(from.data()), reinterpret_cast<double*>(y), columns, adjoint);
+        if (turned) conjugate(reinterpret_cast<double*>(y), numbers);
       });
   return inverse * norm;
 }

@@ -39,6 +39,7 @@ class HostBackend final : public Backend {
     limits.keeps_border = true;
     limits.ranks = true;
     limits.complex = true;
+    limits.parts_with_zeros = true;
     return limits;
   }
 

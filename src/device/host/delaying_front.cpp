@@ -100,9 +100,12 @@ auto DelayingFront<Value>::factor_tile(Index width) -> std::vector<Failure> {
   }
   measure_growth(width);
   const double limit = kMargin / rule_.threshold;
+  // The column of a zero is one, too, and stays: of lu its row may be none.
+  const double of_zero = rule_.in_place_of_zero > 0 && !lu_ ? kMargin : -1;
   std::vector<Failure> failures;
   for (Index k = 0; k < width; ++k)
-    if (replaced_[at(k)] != 0 || !(growth_[at(k)] <= limit)) failures.push_back({lu_ ? k : perm_[at(k)], perm_[at(k)]});
+    if (!(growth_[at(k)] <= (replaced_[at(k)] != 0 ? of_zero : limit)))
+      failures.push_back({lu_ ? k : perm_[at(k)], perm_[at(k)]});
   return failures;
 }
 

@@ -134,8 +134,9 @@ bool children_are_good(const NumericState<T>& s, Index f, double* waited) {
 template <class T>
 void judge_front(NumericState<T>& s, Index f) {
   const char* state = s.column_state.data();
+  const int bad = s.rule.in_place_of_zero > 0 ? kColumnFailed : kColumnReplaced | kColumnFailed;
   const bool failed = std::any_of(state + s.plan.tree.first[f], state + s.plan.tree.first[f + 1],
-                                  [](char c) { return (c & (kColumnReplaced | kColumnFailed)) != 0; });
+                                  [bad](char c) { return (c & bad) != 0; });
   s.verdict.set(f, failed ? kVerdictFailed : kVerdictGood);
 }
 

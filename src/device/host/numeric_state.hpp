@@ -41,7 +41,7 @@ struct FrontOutcome {
 };
 
 /// Bits of NumericState::column_state.
-enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2, kColumnSmall = 4 };
+enum ColumnState : char { kColumnFine = 0, kColumnReplaced = 1, kColumnFailed = 2, kColumnSmall = 4, kRowReplaced = 8 };
 
 /// What came of a front in a factorization that halts at failures; values of NumericState::verdict.
 enum Verdict : std::uint8_t {

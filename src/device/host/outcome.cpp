@@ -58,6 +58,7 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
     const char s = state.column_state[static_cast<std::size_t>(p)];
     if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
     if ((s & kColumnSmall) != 0) out.small.push_back(p);
+    if ((s & kRowReplaced) != 0) out.replaced_rows.push_back(p);
     if ((s & kColumnFailed) != 0) out.failed.push_back(p);
   }
   for (Index f = 0; f < state.plan.fronts() && !out.halted; ++f) out.halted = state.verdict.value(f) == kVerdictHalted;

@@ -118,10 +118,20 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, c
       if (has_signs && std::real(w.column[k]) < 0) --out.negative;  // its sign means nothing
     } else {  // the column stayed where it was; the row that was left over for it had better leave as well
       s.column_state[at + k] |= kColumnReplaced;
-      s.column_state[row] |= kColumnFailed;
+      s.column_state[row] |= s.rule.in_place_of_zero > 0 ? kRowReplaced : kColumnFailed;
     }
   }
 }
+
+namespace {
+
+// What is left of a column that depends on others is rounding error; what exceeds this is none.
+double largest_zero(const PivotRule& rule) {
+  constexpr double kRounding = 4;  // pivots below `tiny` are zeros; a column is as long as the matrix is high
+  return kRounding * rule.tiny;
+}
+
+}  // namespace
 
 template <class T>
 void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, T* inverse, T* inverse2) {
@@ -144,10 +154,12 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
     counts = s.dense.ldlt(n, c, ld, tiny, perm, w.column.data(), w.column.data() + n, replaced);
   } else {
     counts = s.dense.getrf(n, c, ld, tiny, perm, replaced);
-    s.dense.invert_upper_transposed(n, c, ld, inverse2);
   }
+  part_with_zeros(s, w, block, n, replaced);
+  if (s.kind == Kind::lu) s.dense.invert_upper_transposed(n, c, ld, inverse2);
   book_pivots(s, w, block, counts, replaced);
   s.dense.invert_lower(n, c, ld, true, inverse);
+  mark_rows_inside(s, w, block, n);
 }
 
 template <class T>
@@ -164,19 +176,71 @@ void add_growth(const NumericState<T>& s, Index rows, Index cols, const T* panel
 template <class T>
 void mark_growth(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth) {
   const auto limit = static_cast<RealOf<T>>(1.0 / s.rule.threshold);
-  for (Index k = 0; k < n; ++k)
-    if (!(growth[k] <= limit)) {
-      // Pivoting of lu exchanges rows, that of ldlt unknowns. Tiles of one block column are made by several workers.
-      std::atomic_ref<char> state(s.column_state[at + (s.kind == Kind::lu ? k : s.pivot_order[at + k])]);
-      state.fetch_or(kColumnFailed, std::memory_order_relaxed);
-    }
+  const bool parts = s.rule.in_place_of_zero > 0;
+  const auto of_zero = static_cast<RealOf<T>>(parts ? largest_zero(s.rule) / s.rule.in_place_of_zero : 0);
+  for (Index k = 0; k < n; ++k) {
+    if (growth[k] <= (parts ? of_zero : limit)) continue;
+    // Pivoting of lu exchanges rows, that of ldlt unknowns. Tiles of one block column are made by several workers.
+    std::atomic_ref<char> state(s.column_state[at + (s.kind == Kind::lu ? k : s.pivot_order[at + k])]);
+    const bool replaced = parts && (state.load(std::memory_order_relaxed) & kColumnReplaced) != 0;
+    if (replaced || !(growth[k] <= limit)) state.fetch_or(kColumnFailed, std::memory_order_relaxed);
+  }
+}
+
+template <class T>
+bool has_parted(const NumericState<T>& s, Index at, Index n) {
+  if (!(s.rule.in_place_of_zero > 0)) return false;
+  for (Index k = 0; k < n; ++k) {
+    std::atomic_ref<char> state(const_cast<char&>(s.column_state[at + k]));
+    if ((state.load(std::memory_order_relaxed) & kColumnReplaced) != 0) return true;
+  }
+  return false;
+}
+
+template <class T>
+void mark_rows(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth) {
+  const auto of_zero = static_cast<RealOf<T>>(largest_zero(s.rule));
+  for (Index k = 0; k < n; ++k) {
+    if (growth[k] <= of_zero) continue;
+    std::atomic_ref<char> state(s.column_state[at + k]), row(s.column_state[at + s.pivot_order[at + k]]);
+    if ((state.load(std::memory_order_relaxed) & kColumnReplaced) != 0)
+      row.fetch_or(kColumnFailed, std::memory_order_relaxed);
+  }
+}
+
+template <class T>
+void mark_rows_inside(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index columns) {
+  if (s.kind != Kind::lu || !has_parted(s, block.at, block.size)) return;
+  std::fill_n(w.growth(), block.size, RealOf<T>(0));
+  for (Index k = 0; k < block.size; ++k)
+    for (Index j = k + 1; j < columns; ++j)
+      if (const RealOf<T> u = std::abs(w.c[Offset{j} * block.ld + k]); !(u <= w.growth()[k])) w.growth()[k] = u;
+  mark_rows(s, block.at, block.size, w.growth());
+}
+
+template <class T>
+void part_with_zeros(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index rows, const char* replaced) {
+  if (!(s.rule.in_place_of_zero > 0)) return;
+  const auto in_place = static_cast<RealOf<T>>(s.rule.in_place_of_zero);
+  const auto share = static_cast<RealOf<T>>(s.rule.tiny / s.rule.in_place_of_zero);
+  for (Index k = 0; k < block.size; ++k) {
+    if (replaced[k] == 0) continue;
+    T* column = w.c.data() + Offset{k} * block.ld;
+    T& pivot = s.kind == Kind::ldlt ? w.column[k] : column[k];
+    pivot = std::real(pivot) < 0 ? -in_place : in_place;
+    for (Index i = k + 1; i < rows; ++i) column[i] *= share;
+  }
 }
 
 #define ESPALIER_INSTANTIATE(T)                                                                                   \
   template void book_pivots(NumericState<T>&, Workspace<T>&, const PivotBlock&, const PivotCounts&, const char*); \
   template void factor_diagonal(NumericState<T>&, Workspace<T>&, const PivotBlock&, T*, T*);                      \
   template void add_growth(const NumericState<T>&, Index, Index, const T*, RealOf<T>*);                           \
-  template void mark_growth(NumericState<T>&, Index, Index, const RealOf<T>*);
+  template void mark_growth(NumericState<T>&, Index, Index, const RealOf<T>*);                                    \
+  template bool has_parted(const NumericState<T>&, Index, Index);                                                 \
+  template void mark_rows(NumericState<T>&, Index, Index, const RealOf<T>*);                                      \
+  template void mark_rows_inside(NumericState<T>&, Workspace<T>&, const PivotBlock&, Index);                      \
+  template void part_with_zeros(NumericState<T>&, Workspace<T>&, const PivotBlock&, Index, const char*);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

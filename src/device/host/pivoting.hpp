@@ -68,8 +68,26 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, c
 template <class T>
 void add_growth(const NumericState<T>& s, Index rows, Index cols, const T* panels, RealOf<T>* growth);
 
-/// Marks the columns whose entries of L (max magnitude in `growth`, n values) exceed 1 / threshold.
+/// Marks the columns whose entries of L (max magnitude in `growth`, n values) exceed 1 / threshold; of those whose
+/// pivot was replaced by PivotRule::in_place_of_zero, whose entries were no zeros.
 template <class T>
 void mark_growth(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth);
+
+/// lu: whether some of the pivots was replaced by PivotRule::in_place_of_zero; then mark_rows() wants to know of U.
+template <class T>
+bool has_parted(const NumericState<T>& s, Index at, Index n);
+/// Marks the rows of such pivots whose entries of U (max magnitude in `growth`, n values) are no zeros: others may need
+/// them as pivots.
+template <class T>
+void mark_rows(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth);
+
+/// The same for the first `columns` columns of work.c. Of no effect for other kinds.
+template <class T>
+void mark_rows_inside(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index columns);
+
+/// What PivotRule::in_place_of_zero asks for, after a factorization in work.c that has replaced pivots by +-tiny.
+/// @param rows  of work.c
+template <class T>
+void part_with_zeros(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index rows, const char* replaced);
 
 }  // namespace espalier::device::host

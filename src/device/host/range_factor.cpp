@@ -83,7 +83,9 @@ class WholeFront {
         s_.kind == Kind::ldlt
             ? s_.dense.partial_ldlt(m_, k_, c, ld_, tiny, perm, w_.column.data(), w_.column.data() + k_, replaced)
             : s_.dense.partial_getrf(m_, k_, c, ld_, tiny, perm, replaced);
+    part_with_zeros(s_, w_, block, m_, replaced);
     book_pivots(s_, w_, block, counts, replaced);
+    mark_rows_inside(s_, w_, block, m_);
   }
 
   void store_factor() {

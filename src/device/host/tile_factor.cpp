@@ -230,6 +230,10 @@ class TileTask {
     else
       add_growth(s_, counted, cols_, tile(i_, j_), w_.growth());
     mark_growth(s_, at, cols_, w_.growth());
+    if (!lu_ || !has_parted(s_, at, cols_)) return;
+    std::fill_n(w_.growth(), cols_, RealOf<T>(0));
+    s_.dense.column_max(rows_, cols_, tile2(i_, j_), w_.growth());
+    mark_rows(s_, at, cols_, w_.growth());
   }
 
   void finish() {

@@ -1,0 +1,244 @@
+// Rank, inertia, rows and null vectors of systems that are known without rounding (tests/verdict/exact.hpp), of
+// structurally singular ones and of ones with very many zeros. Truth: elimination in integers, the construction.
+#include <chrono>
+#include <ctime>
+
+#include "solver_common.hpp"
+#include "verdict/exact.hpp"
+
+namespace espalier::test {
+namespace {
+
+using reference::Triple;
+using verdict::ExactCase;
+
+// What tests/verdict/exact_campaign.cpp does with other seeds, and many more of them.
+TEST(ExactRank, OfSystemsInIntegersInManyDisguises) {
+  constexpr double kMostCondition = 1e10;
+  int singular = 0, structurally = 0, judged = 0;
+  for (std::uint64_t seed = 1; seed <= 600; ++seed) {
+    const ExactCase c = verdict::make_exact_case(seed);
+    ASSERT_GE(c.zeros, 0) << "seed " << seed << ": the two truths contradict each other";
+    if (c.condition > kMostCondition) continue;
+    const verdict::Trial trial = verdict::make_trial(c, seed);
+    const std::string wrong = verdict::judge(c, trial.disguise, trial.options, seed);
+    EXPECT_TRUE(wrong.empty() || wrong == "late")
+        << "seed " << seed << ", n " << c.a.n << ", " << c.name << ": " << wrong << " (" << trial.name << ")";
+    ++judged;
+    singular += c.zeros > 0 ? 1 : 0;
+    structurally += c.zeros > 0 && c.name.find("scattered") == 0 ? 1 : 0;
+  }
+  EXPECT_GT(judged, 500);
+  EXPECT_GT(singular, 200);
+  EXPECT_GT(structurally, 50);
+}
+
+// The two exact arithmetics against each other, and against eigenvalues in doubles.
+TEST(ExactRank, TruthsAgree) {
+  for (std::uint64_t seed = 1; seed <= 60; ++seed) {
+    const ExactCase c = verdict::make_exact_case(seed);
+    if (c.complex || c.negative < 0 || c.a.n > 20) continue;
+    Index negative = 0, zeros = 0;
+    if (!verdict::exact_inertia(c.a, negative, zeros)) continue;
+    EXPECT_EQ(zeros, c.a.n - verdict::exact_rank(c.a)) << seed;
+    EXPECT_EQ(negative, c.negative) << seed;
+    std::vector<Triple> t;
+    for (Index j = 0; j < c.a.n; ++j)
+      for (Index i = j; i < c.a.n; ++i)
+        if (c.a.at(i, j) != 0.0) t.push_back({i, j, c.a.at(i, j).real()});
+    if (c.condition > 1e8) continue;
+    const reference::Signs signs = reference::signs(reference::from_triples(c.a.n, t, Storage::symmetric_lower), 1e-12);
+    EXPECT_EQ(signs.zero, zeros) << seed;
+    EXPECT_EQ(signs.negative, negative) << seed;
+  }
+}
+
+Options reporting(Kind kind = Kind::automatic) {
+  Options o = two_threads();
+  o.singular = SingularMatrix::report;
+  o.kind = kind;
+  return o;
+}
+
+struct Known {
+  const char* name;
+  SparseMatrix a;  ///< symmetric_lower
+  Index negative, zeros;
+};
+
+// 2 x 2 blocks in a row: rank `blocks` of twice as many.
+SparseMatrix doubled_chain(Index blocks) {
+  std::vector<Triple> t;
+  for (Index i = 0; i < blocks; ++i) {
+    for (Index p = 0; p < 2; ++p)
+      for (Index q = p; q < 2; ++q) t.push_back({2 * i + q, 2 * i + p, 3});
+    for (Index p = 0; p < 2 && i + 1 < blocks; ++p)
+      for (Index q = 0; q < 2; ++q) t.push_back({2 * i + 2 + q, 2 * i + p, 1});
+  }
+  return reference::from_triples(2 * blocks, t, Storage::symmetric_lower);
+}
+
+// So many chains of springs side by side.
+SparseMatrix loose_chains(Index chains, Index length) {
+  std::vector<Triple> t;
+  for (Index c = 0; c < chains; ++c)
+    for (Index i = 0; i < length; ++i) {
+      const auto weight = [&](Index k) { return k < 0 || k + 1 >= length ? 0.0 : 1 + 0.1 * ((7 * k + 3 * c) % 13); };
+      const Index at = c * length + i;
+      t.push_back({at, at, weight(i - 1) + weight(i)});
+      if (i + 1 < length) t.push_back({at + 1, at, -weight(i)});
+    }
+  return reference::from_triples(chains * length, t, Storage::symmetric_lower);
+}
+
+// A chain of which each third unknown stands alone, with zeros stored at it and beside it: a plane model in a code for
+// three dimensions.
+SparseMatrix with_stored_zeros(Index nodes, double in_place_of_zero) {
+  std::vector<Triple> t;
+  for (Index i = 0; i < nodes; ++i)
+    for (Index p = 0; p < 3; ++p) {
+      for (Index q = p; q < 3; ++q)
+        t.push_back({3 * i + q, 3 * i + p, q == 2 ? (p == 2 ? in_place_of_zero : 0) : q == p ? 4.0 : 1.0});
+      for (Index q = 0; q < 3 && i + 1 < nodes; ++q)
+        t.push_back({3 * i + 3 + q, 3 * i + p, p == 2 || q == 2 ? 0 : p == q ? -1.5 : 0.25});
+    }
+  return reference::from_triples(3 * nodes, t, Storage::symmetric_lower);
+}
+
+// [I A^T; A 0] with more rows than columns: rank at most twice the columns.
+SparseMatrix least_squares(Index columns, Index rows) {
+  std::vector<Triple> t;
+  for (Index j = 0; j < columns; ++j) t.push_back({j, j, 1});
+  for (Index i = 0; i < rows; ++i) {
+    t.push_back({columns + i, i % columns, 1.0 + i / columns});
+    if (i >= columns) t.push_back({columns + i, (i + 1) % columns, 2});
+  }
+  return reference::from_triples(columns + rows, t, Storage::symmetric_lower);
+}
+
+std::vector<Known> systems_with_many_zeros() {
+  std::vector<Known> all;
+  all.push_back({"kron(tridiag(1,3,1), ones)", doubled_chain(200), 0, 200});
+  all.push_back({"loose springs", loose_chains(300, 2), 0, 300});
+  all.push_back({"loose chains", loose_chains(200, 30), 0, 200});
+  all.push_back({"stored zeros", with_stored_zeros(400, 0), 0, 400});
+  all.push_back({"least squares", least_squares(100, 400), 100, 300});
+  all.push_back({"nothing stored", reference::from_triples(500, {}, Storage::symmetric_lower), 0, 500});
+  all.push_back(
+      {"zeros alone", reference::from_triples(3, {{0, 0, 0}, {1, 1, 0}, {2, 1, 0}}, Storage::symmetric_lower), 0, 3});
+  return all;
+}
+
+TEST(ManyZeros, RankInertiaAndSolutionOfAnyNumber) {
+  for (const Known& known : systems_with_many_zeros())
+    for (const Kind kind : {Kind::automatic, Kind::ldlt, Kind::lu})
+      for (const Storage storage : {Storage::symmetric_lower, Storage::symmetric_upper, Storage::general}) {
+        SCOPED_TRACE(testing::Message() << known.name << " kind " << static_cast<int>(kind));
+        const SparseMatrix a = reference::stored_as(known.a, storage);
+        const auto n = static_cast<std::size_t>(a.rows);
+        Solver s(reporting(kind));
+        const AnalysisResult analysis = s.analyze(a);
+        ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
+        const FactorResult f = s.factorize(a);
+        ASSERT_TRUE(f.status.ok()) << f.status.message;
+        EXPECT_EQ(a.rows - f.rank, known.zeros);
+        EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), known.zeros);
+        if (analysis.kind != Kind::lu) {
+          EXPECT_EQ(f.inertia.negative, known.negative);
+          EXPECT_EQ(f.inertia.zero, known.zeros);
+        }
+        const std::vector<double> zero(n, 0.0), given = reference::random_vector(a.rows, 3);
+        std::vector<double> b = reference::residual(a, zero.data(), given.data(), false), x(n);
+        EXPECT_TRUE(s.solve(b, x).status.ok());
+        EXPECT_LE(reference::backward_error(a, b, x), 1e-13);
+      }
+}
+
+// Seconds of this process for a factorization.
+double factor_seconds(const SparseMatrix& a, Kind kind, SingularMatrix singular) {
+  Options o = reporting(kind);
+  o.singular = singular;
+  o.threads = 1;
+  Solver s(o);
+  EXPECT_TRUE(s.analyze(a).status.ok());
+  double least = 1e9;
+  for (int k = 0; k < 3; ++k) {
+    const std::clock_t start = std::clock();
+    (void)s.refactorize(a.values);
+    least = std::min(least, static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC);
+  }
+  return least;
+}
+
+// Jacobi's rotations took 400 times as long as the factorization.
+TEST(ManyZeros, TakeAboutTheTimeOfAFactorization) {
+  constexpr double kRoom = 8, kClock = 2e-3;
+  const SparseMatrix singular = with_stored_zeros(6000, 0), regular = with_stored_zeros(6000, 1);
+  for (const Kind kind : {Kind::ldlt, Kind::lu})
+    for (const SingularMatrix word : {SingularMatrix::error, SingularMatrix::report})
+      EXPECT_LE(factor_seconds(singular, kind, word), kRoom * factor_seconds(regular, kind, word) + kClock);
+}
+
+TEST(StructurallySingular, AnErrorNamesRowsAndAReportGoesOn) {
+  // Row 1 is empty; rows 2 and 3 share a column.
+  const std::vector<Triple> t = {{0, 0, 2}, {4, 0, 1}, {2, 2, 1}, {3, 2, 5}, {4, 4, 3}, {0, 3, 1}};
+  const SparseMatrix a = reference::from_triples(5, t, Storage::general);
+  Solver strict(two_threads());
+  EXPECT_EQ(strict.analyze(a).status.code, StatusCode::singular);
+  Solver s(reporting());
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  const FactorResult f = s.factorize(a);
+  ASSERT_TRUE(f.status.ok()) << f.status.message;
+  EXPECT_EQ(f.rank, 3);
+  ASSERT_EQ(f.null_vectors.size(), 10U);
+  ASSERT_EQ(f.left_null_vectors.size(), 10U);
+  EXPECT_EQ(f.dependent_rows.front(), 1);
+}
+
+// All entries of an inverse are its neighbours' sums: 2^58 is the largest.
+TEST(Triangular, IsRegularHoweverIllConditioned) {
+  constexpr Index n = 60;
+  std::vector<Triple> t;
+  for (Index j = 0; j < n; ++j)
+    for (Index i = 0; i <= j; ++i) t.push_back({i, j, i == j ? 1.0 : -1.0});
+  for (const bool renumbered : {false, true}) {
+    std::vector<Triple> given = t;
+    if (renumbered)
+      for (Triple& e : given) e = {(e.row * 17 + 5) % n, (e.col * 23 + 11) % n, e.value};
+    const SparseMatrix a = reference::from_triples(n, given, Storage::general);
+    for (const bool transpose : {false, true}) {
+      Solver s(two_threads());
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      const FactorResult f = s.factorize(a);
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_EQ(f.rank, n);
+      const std::vector<double> zero(n, 0.0);
+      for (const bool ones : {true, false}) {
+        std::vector<double> b(n, 1.0), x(n);
+        if (ones) b = reference::residual(a, zero.data(), std::vector<double>(n, -1.0).data(), transpose);
+        const SolveResult r = s.solve(b, x, 1, transpose ? Transpose::yes : Transpose::no);
+        EXPECT_TRUE(r.status.ok()) << r.status.message;
+        EXPECT_LE(r.componentwise_error, 4 * kEps);
+        if (ones) {
+          for (const double v : x) EXPECT_EQ(v, 1);
+        }
+      }
+    }
+  }
+}
+
+TEST(Condition, OfSmallMatricesIsExactAndOfOthersNear) {
+  for (std::uint64_t seed = 0; seed < 20; ++seed)
+    for (const Index n : {37, 64, 150}) {
+      const SparseMatrix a = reference::random_system(n, 4, reference::Values::general, seed);
+      Solver s(two_threads());
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      ASSERT_TRUE(s.factorize(a).status.ok());
+      const double truth = reference::condition(a), estimate = s.condition_estimate().estimate;
+      EXPECT_LE(estimate, truth * (1 + 1e-6));
+      EXPECT_GE(estimate, n <= 64 ? truth * (1 - 1e-6) : truth / 2) << "n " << n << " seed " << seed;
+    }
+}
+
+}  // namespace
+}  // namespace espalier::test
