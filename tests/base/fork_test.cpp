@@ -4,7 +4,9 @@
 
 #include <atomic>
 #include <memory>
+#include <new>
 #include <thread>
+#include <vector>
 
 #include "base/thread_pool.hpp"
 #include "process.hpp"
@@ -63,6 +65,35 @@ TEST(Threads, ThatTheSystemRefusesAreDoneWithout) {
               return pool.size() >= 1 && pool.size() < 400 && adds_up(pool);
             }),
             0);
+}
+
+// Where the system refuses one, the others leave memory for their work: each may take some, and all of them may fail at
+// the same time, which takes memory for their exceptions.
+TEST(Threads, ThatRunHaveMemoryToWorkWith) {
+#if defined(ESPALIER_SANITIZED)
+  GTEST_SKIP() << "the sanitizers need the address space";
+#endif
+  for (int round = 0; round < 3; ++round)
+    EXPECT_EQ(test::in_child([] {
+                test::limit_address_space(std::uint64_t{6} << 30);
+                ThreadPool pool(4096);
+                std::atomic<int> failed{0};
+                try {
+                  pool.run([&](int) {
+                    try {
+                      const std::vector<char> some(std::size_t{1} << 20);
+                      const std::vector<char> too_much(std::size_t{1} << 40);
+                    } catch (const std::bad_alloc&) {
+                      ++failed;
+                      throw;
+                    }
+                  });
+                } catch (const std::bad_alloc&) {
+                  return pool.size() > 1 && pool.size() < 4096 && failed == pool.size() && adds_up(pool);
+                }
+                return false;
+              }),
+              0);
 }
 
 }  // namespace
