@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 
 #include "base/beside.hpp"
 #include "base/stopwatch.hpp"
+#include "matrix/norms.hpp"
 
 namespace espalier::modes {
 
@@ -16,9 +18,9 @@ namespace {
 // Modes sought to the right of one shift; for more another factorization is cheaper than a longer basis.
 constexpr Index kAtATime = 100;
 constexpr Index kSolvedColumns = 32;  // that are multiplied and solved for at a time in the end
-// How far the eigenvalue by OP and that by x^T K x may be apart: as part of the distance from the shift, and in units of
-// the rounding of x^T K x. Of a mode that was found they agree to half of its digits at least.
-constexpr double kApart = 1e-2, kOfRounding = 1e4;
+// Residuals |K x - l M x| above these are those of no mode: relative to what the sum is made of, and to rounding of the
+// largest entries. What is far from the shift may be a mixture of modes, small beside the norm of K and yet none.
+constexpr double kNoMode = 1e-4, kOfRounding = 1e2 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
@@ -29,7 +31,9 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
       pencil_(std::move(k), std::move(m), options, shop.pool),
       stiffness_(pencil_.k(), shop.pool),
       mass_(pencil_.m(), shop.pool),
-      mass_diagonal_(diagonal_of(pencil_.m())) {
+      mass_diagonal_(diagonal_of(pencil_.m())),
+      k_norm_(matrix::norm_inf(pencil_.k(), &shop.pool)),
+      m_norm_(matrix::norm_inf(pencil_.m(), &shop.pool)) {
   op_.n = pencil_.n();
   op_.inner = "M";
   op_.weights = [this](const double* w, Index columns) {
@@ -242,8 +246,7 @@ void Search::take_modes(Tall batch, std::vector<double> eigenvalues, std::vector
 // Jensen, "How to implement the spectral transformation", Math. Comp. 48, 1987). Then x^T K x is a better eigenvalue
 // than that of OP, where its rounding is less.
 // @param rounding  of the eigenvalues of OP
-// @return of each whether it is a mode: where both eigenvalues are far apart, or the residual is not small, the search
-// has taken rounding for one
+// @return of each whether it is a mode, by its residual
 std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalues) {
   const Index n = pencil_.n(), count = batch.columns();
   Tall image(n, std::min(count, kSolvedColumns), &shop_.budget);
@@ -257,20 +260,23 @@ std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<doubl
   harvest_.project_out(shop_.pool, op_.b, batch, image);
   orthonormalize(shop_.pool, op_.b, batch, image);
   std::vector<char> good(static_cast<std::size_t>(count), 0);
+  Tall mass_image(n, image.columns(), &shop_.budget);
   const std::vector<double> k_diagonal = diagonal_of(pencil_.k());
   const Eigen::Map<const Eigen::VectorXd> diagonal(k_diagonal.data(), n);
   for (Index c = 0; c < count; c += kSolvedColumns) {
     const Index width = std::min(kSolvedColumns, count - c);
     stiffness_.apply(shop_.pool, batch.col(c), image.col(0), width);
+    op_.b(batch.col(c), mass_image.col(0), width);
     for (Index j = 0; j < width; ++j) {
-      const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n);
+      const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n), mx(mass_image.col(j), n);
       const auto at = static_cast<std::size_t>(c + j);
       double& l = eigenvalues[at];
       // Errors by rounding: eps sum |K_ii| x_i^2, of the size of the largest eigenvalue; and that of 1 / theta.
       const double of_quotient = std::numeric_limits<double>::epsilon() * x.cwiseAbs2().dot(diagonal.cwiseAbs());
-      const double quotient = x.dot(kx);
-      good[at] = static_cast<char>(std::abs(quotient - l) <= kApart * std::abs(l - shift_) + kOfRounding * of_quotient);
-      if (of_quotient < rounding * (l - shift_) * (l - shift_)) l = quotient;
+      if (of_quotient < rounding * (l - shift_) * (l - shift_)) l = x.dot(kx);
+      const double parts = kx.norm() + std::abs(l) * mx.norm() + x.cwiseProduct(diagonal).norm();
+      const double norms = (k_norm_ + std::abs(l) * m_norm_) * x.norm();
+      good[at] = static_cast<char>((kx - l * mx).norm() <= kNoMode * parts + kOfRounding * norms);
     }
   }
   return good;

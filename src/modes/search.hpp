@@ -72,6 +72,7 @@ class Search {
   Pencil pencil_;
   Product stiffness_, mass_;
   std::vector<double> mass_diagonal_;
+  double k_norm_, m_norm_;
   MassReport report_;
   Harvest harvest_;
   LanczosClock clock_;

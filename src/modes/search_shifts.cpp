@@ -230,12 +230,15 @@ double Search::beyond_found() const {
   double last = shift_, spacing = unit_;
   if (found > 0 && harvest_[found - 1].eigenvalue > shift_) {
     last = harvest_[found - 1].eigenvalue;
+    double nearest = shift_;  // of the shifts below: from this one, or from one before it was sent below all
+    for (const ModeCount& c : counts_)
+      if (c.at <= last) nearest = std::max(nearest, c.at);
     const Index back = std::min<Index>(found - 1, 20);
-    const double from = back > 0 ? std::max(shift_, harvest_[found - 1 - back].eigenvalue) : shift_;
+    const double from = back > 0 ? std::max(nearest, harvest_[found - 1 - back].eigenvalue) : nearest;
     spacing = (last - from) / static_cast<double>(std::max<Index>(back, 1));
     // Where the next ones are too far from this shift to be seen, as behind rigid motions, by some decades.
-    if (std::isnan(right_edge_)) spacing = std::max(spacing, 1e3 * (last - shift_) / 50);
-    spacing = std::max(spacing, 1e-2 * (last - shift_));
+    if (std::isnan(right_edge_)) spacing = std::max(spacing, 1e3 * (last - nearest) / 50);
+    spacing = std::max(spacing, 1e-2 * (last - nearest));
   } else if (!std::isnan(right_edge_)) {
     spacing = (right_edge_ - shift_) / 2;
   } else {
