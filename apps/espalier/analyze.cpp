@@ -22,7 +22,7 @@ struct AnalyzeCommand {
   MatrixSource source;
   SolverFlags flags;
   std::string save_file, report_file;
-  bool json = false, dry_run = false;
+  bool json = false, quiet = false, dry_run = false;
 
   int run() const;
 };
@@ -42,7 +42,7 @@ Tiers analyze(const AnalyzeCommand& command, AnySolver solver, const Matrix& mat
 }
 
 Tiers fill_record(const AnalyzeCommand& command, const Options& options, RunRecord& record) {
-  Progress progress(!command.json);
+  Progress progress(!command.quiet && !command.json);
   base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
   progress.begin("reading");
   const matrix::AnyMatrix any = command.source.load(record, pool);
@@ -80,7 +80,7 @@ int AnalyzeCommand::run() const {
   const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
     print_result("{}\n", to_text(report));
-  } else if (analyzed) {
+  } else if (analyzed && !quiet) {
     print_result("{}", analysis_summary(record, tiers));
     if (dry_run) print_result("\n{}", forecast_summary(*record.analysis, budget));
   }
@@ -99,6 +99,7 @@ void add_analyze(CLI::App& app, Action& action) {
   add_file(*sub, "--save", command->save_file, "save the analysis for `solve --analysis`");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the tables");
+  sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -3,15 +3,14 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "espalier/schur.hpp"
 #include "input.hpp"
+#include "matrix/file.hpp"
 #include "report.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
@@ -31,15 +30,11 @@ struct CondenseCommand {
   int run() const;
 };
 
-std::vector<Index> unknowns_of(const CondenseCommand& command) {
+std::string listed(const CondenseCommand& command) {
   if (command.unknowns.empty() == command.list_file.empty())
     throw Error(StatusCode::invalid_input, "give the unknowns to keep, either --unknowns 0,5,10-20 or --list FILE");
-  if (command.list_file.empty()) return parse_unknowns(command.unknowns);
-  std::ifstream file(command.list_file);
-  if (!file) throw Error(StatusCode::invalid_input, command.list_file + ": the file cannot be read");
-  std::ostringstream text;
-  text << file.rdbuf();
-  return parse_unknowns(text.str());
+  if (command.list_file.empty()) return command.unknowns;
+  return std::string(matrix::FileBytes(command.list_file).bytes());
 }
 
 nlohmann::ordered_json inertia_json(const Inertia& i) {
@@ -53,13 +48,14 @@ int CondenseCommand::run() const {
                 {{"--out", out_file}, {"--out-rhs", out_rhs_file}, {"--report", report_file}});
   if (rhs_file.empty() != out_rhs_file.empty())
     throw Error(StatusCode::invalid_input, "--rhs and --out-rhs go together: what is condensed, and where it goes");
-  const std::vector<Index> list = unknowns_of(*this);
+  const std::string wanted = listed(*this);
   Progress progress(!quiet && !json);
   RunRecord record;
   progress.begin("reading");
   base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
   const SparseMatrix a = source.load_real(record, pool);
-  matrix::DenseVectors b;
+  const std::vector<Index> list = parse_unknowns(wanted, a.rows);
+  RealColumns b;
   if (!rhs_file.empty()) b = read_columns(rhs_file, a.rows, pool);
   progress.end(duration(record.read_seconds));
   SchurComplement schur(options);
@@ -110,7 +106,7 @@ int CondenseCommand::run() const {
     matrix::write_matrix_market_vectors(out_file, size, size, s, "Schur complement by espalier");
   }
   if (status.ok() && b.cols > 0)
-    matrix::write_matrix_market_vectors(out_rhs_file, size, b.cols, g, "condensed by espalier");
+    write_columns(out_rhs_file, RealColumns{{size, b.cols, std::move(g)}, b.complex}, "condensed by espalier");
   if (json)
     print_result("{}\n", to_text(report));
   else if (!quiet && status.ok())

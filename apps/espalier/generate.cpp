@@ -22,7 +22,7 @@ struct GenerateCommand {
   std::vector<std::string> words;
   std::string out_file;
   std::uint64_t seed = 1;
-  bool natural = false, json = false;
+  bool natural = false, json = false, quiet = false;
 
   int run() const;
 };
@@ -57,7 +57,7 @@ int GenerateCommand::run() const {
                                            {"file", out_file},         {"rows", a.rows},
                                            {"nonzeros", a.nonzeros()}, {"symmetric", a.symmetric()}};
     print_result("{}\n", report.dump(2));
-  } else {
+  } else if (!quiet) {
     print_result("{}: {} unknowns, {} entries, {}\n", out_file, grouped(a.rows), grouped(a.nonzeros()),
                  a.symmetric() ? "symmetric" : "unsymmetric");
   }
@@ -76,6 +76,7 @@ void add_generate(CLI::App& app, Action& action) {
       ->check(whole_number());
   sub->add_flag("--natural", command->natural, "number the unknowns in grid order, not at random");
   sub->add_flag("--json", command->json, "say what was written as JSON");
+  sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->footer("Systems:\n" + matrix::generator_usage());
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

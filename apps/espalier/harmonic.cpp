@@ -42,13 +42,10 @@ std::vector<Complex> HarmonicCommand::loads(Index n, base::ThreadPool& pool) con
   if (load_file.empty() == at.empty())
     throw Error(StatusCode::invalid_input, "give the loads, either --load FILE or --at 0,5 (unit loads on unknowns)");
   if (!load_file.empty()) return read_complex_columns(load_file, n, pool).values;
-  const std::vector<Index> unknowns = parse_unknowns(at);
+  const std::vector<Index> unknowns = parse_unknowns(at, n);
   const auto rows = static_cast<std::size_t>(n);
   std::vector<Complex> f(rows * unknowns.size());
   for (std::size_t c = 0; c < unknowns.size(); ++c) {
-    if (unknowns[c] < 0 || unknowns[c] >= n)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("--at: {} is none of the {} unknowns (counted from 0)", unknowns[c], n));
     f[c * rows + static_cast<std::size_t>(unknowns[c])] = 1;
   }
   return f;
@@ -147,15 +144,16 @@ int HarmonicCommand::run() {
   options.seek_resonances = !no_modes;
   check_outputs({{"K", k_file}, {"M", m_file}, {"--damping", damping_file}, {"--load", load_file}},
                 {{"--csv", csv_file}, {"--report", report_file}});
-  if (!observe.empty()) options.observed = parse_unknowns(observe);
   if (verbose) options.solver.log = [](const std::string& line) { print_note("{}\n", line); };
   options.solver.interrupted = stop_was_asked;
   Progress progress(!quiet && !json);
   progress.begin("reading");
   base::ThreadPool pool(options.solver.threads > 0 ? options.solver.threads : base::available_cores());
-  const SparseMatrix k = matrix::read_matrix(k_file, {&pool, false}), m = matrix::read_matrix(m_file, {&pool, false});
+  const matrix::ReadOptions from_file = reading(pool, quiet || json);
+  const SparseMatrix k = matrix::read_matrix(k_file, from_file), m = matrix::read_matrix(m_file, from_file);
   SparseMatrix c;
-  if (!damping_file.empty()) c = matrix::read_matrix(damping_file, {&pool, false});
+  if (!damping_file.empty()) c = matrix::read_matrix(damping_file, from_file);
+  if (!observe.empty()) options.observed = parse_unknowns(observe, k.rows);
   const std::vector<Complex> f = loads(k.rows, pool);
   progress.end("");
   progress.begin("frequency response");

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <chrono>
+#include <complex>
 #include <sstream>
 #include <string_view>
 
@@ -56,7 +57,8 @@ matrix::AnyMatrix MatrixSource::load(RunRecord& record, base::ThreadPool& pool) 
     any = matrix::generate(spec, &pool);
   } else {
     record.input = file_;
-    any = matrix::read_any_matrix(file_, {&pool, false});
+    any = matrix::read_any_matrix(
+        file_, {&pool, false, [&record](const std::string& notice) { record.notices.push_back(notice); }});
   }
   record.read_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   std::visit(
@@ -92,47 +94,78 @@ Vectors checked_columns(Vectors vectors, const std::string& path, Index rows) {
 
 }  // namespace
 
-matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
-  return checked_columns(matrix::read_vectors(path, {&pool, false}), path, rows);
+RealColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+  matrix::AnyVectors any = matrix::read_any_vectors(path, {&pool, false});
+  if (auto* real = std::get_if<matrix::DenseVectors>(&any)) return {checked_columns(std::move(*real), path, rows), false};
+  const matrix::ComplexVectors given = checked_columns(std::get<matrix::ComplexVectors>(std::move(any)), path, rows);
+  RealColumns out{{rows, 2 * given.cols, {}}, true};
+  out.values.reserve(2 * given.values.size());
+  const auto n = static_cast<std::size_t>(rows);
+  for (std::size_t begin = 0; begin < given.values.size(); begin += n) {
+    for (std::size_t i = 0; i < n; ++i) out.values.push_back(given.values[begin + i].real());
+    for (std::size_t i = 0; i < n; ++i) out.values.push_back(given.values[begin + i].imag());
+  }
+  return out;
 }
 
-matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
-  return checked_columns(matrix::read_complex_vectors(path, {&pool, false}), path, rows);
+void write_columns(const std::string& path, const RealColumns& v, const std::string& comment) {
+  if (!v.complex) return matrix::write_matrix_market_vectors(path, v.rows, v.cols, v.values, comment);
+  const auto n = static_cast<std::size_t>(v.rows);
+  ComplexColumns joined{{v.rows, v.given(), {}}};
+  joined.values.reserve(v.values.size() / 2);
+  for (std::size_t begin = 0; begin < v.values.size(); begin += 2 * n)
+    for (std::size_t i = begin; i < begin + n; ++i) joined.values.emplace_back(v.values[i], v.values[i + n]);
+  write_columns(path, joined, comment);
+}
+
+void write_columns(const std::string& path, const ComplexColumns& v, const std::string& comment) {
+  matrix::write_matrix_market_vectors(path, v.rows, v.cols, std::span<const std::complex<double>>(v.values), comment);
+}
+
+ComplexColumns read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
+  return {checked_columns(matrix::read_complex_vectors(path, {&pool, false}), path, rows)};
 }
 
 namespace {
 
-Index number_in_list(std::string_view word) {
-  Index value = 0;
+Index number_in_list(std::string_view word, Index n) {
+  std::int64_t value = 0;
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (error != std::errc{} || end != word.data() + word.size())
     throw Error(
         StatusCode::invalid_input,
         fmt::format("'{}' in the list of unknowns is no index: give numbers from 0, or ranges such as 10-20", word));
-  return value;
+  if (value < 0 || value >= n)
+    throw Error(StatusCode::invalid_input,
+                fmt::format("'{}' in the list is none of the {} unknowns, which are counted from 0", word, n));
+  return static_cast<Index>(value);
 }
 
 }  // namespace
 
-std::vector<Index> parse_unknowns(std::string text) {
+std::vector<Index> parse_unknowns(std::string text, Index n) {
   std::replace(text.begin(), text.end(), ',', ' ');
   std::istringstream stream(text);
   std::vector<Index> list;
+  const auto check_length = [&] {
+    if (list.size() > static_cast<std::size_t>(n))
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("the list of unknowns is longer than the {} that there are: name each once", n));
+  };
   for (std::string word; stream >> word;) {
     const std::size_t dash = word.find('-', 1);
     if (dash == std::string::npos) {
-      list.push_back(number_in_list(word));
+      list.push_back(number_in_list(word, n));
       continue;
     }
-    const Index first = number_in_list(std::string_view(word).substr(0, dash));
-    const Index last = number_in_list(std::string_view(word).substr(dash + 1));
+    const Index first = number_in_list(std::string_view(word).substr(0, dash), n);
+    const Index last = number_in_list(std::string_view(word).substr(dash + 1), n);
     if (last < first)
       throw Error(StatusCode::invalid_input, fmt::format("the range {} in the list of unknowns falls", word));
-    for (Index v = first;; ++v) {
-      list.push_back(v);
-      if (v == last) break;
-    }
+    for (Index v = first; v <= last; ++v) list.push_back(v);
+    check_length();
   }
+  check_length();
   return list;
 }
 

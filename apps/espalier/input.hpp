@@ -35,13 +35,27 @@ class MatrixSource {
   std::string generator_;
 };
 
+/// Right-hand sides of a real matrix, or what came of them. Of complex ones the real and the imaginary part of each
+/// stand side by side, as two columns.
+struct RealColumns : matrix::DenseVectors {
+  bool complex = false;
+  [[nodiscard]] Index given() const { return complex ? cols / 2 : cols; }  ///< columns of the file
+};
+/// Right-hand sides of a complex matrix.
+struct ComplexColumns : matrix::ComplexVectors {
+  [[nodiscard]] Index given() const { return cols; }
+};
 /// Reads dense columns of `rows` values each from a Matrix Market file (array, or coordinate: absent entries are zero).
 /// @throws Error(invalid_input) naming the file and what is wrong
-matrix::DenseVectors read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
+RealColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool);
 /// The same of a real or complex file.
-matrix::ComplexVectors read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool);
+ComplexColumns read_complex_columns(const std::string& path, Index rows, base::ThreadPool& pool);
+/// Writes them as Matrix Market array, complex where they were. @throws Error(invalid_input) with the system's reason
+void write_columns(const std::string& path, const RealColumns& v, const std::string& comment);
+void write_columns(const std::string& path, const ComplexColumns& v, const std::string& comment);
 
-/// "0,5,10-20", or the same with blanks and lines between. @throws Error(invalid_input) naming the word
-std::vector<Index> parse_unknowns(std::string text);
+/// "0,5,10-20", or the same with blanks and lines between.
+/// @throws Error(invalid_input) naming the word, also where it is none of `n` unknowns
+std::vector<Index> parse_unknowns(std::string text, Index n);
 
 }  // namespace espalier::cli

@@ -48,7 +48,8 @@ std::pair<SparseMatrix, SparseMatrix> ModesCommand::matrices(base::ThreadPool& p
   if (generator.empty()) {
     if (k_file.empty() || m_file.empty())
       throw Error(StatusCode::invalid_input, "give two matrix files, K and M, or --generate \"elasticity NX NY NZ\"");
-    return {matrix::read_matrix(k_file, {&pool, false}), matrix::read_matrix(m_file, {&pool, false})};
+    const matrix::ReadOptions from_file = reading(pool, quiet || json);
+    return {matrix::read_matrix(k_file, from_file), matrix::read_matrix(m_file, from_file)};
   }
   std::istringstream stream(generator);
   std::vector<std::string> words;
@@ -150,7 +151,7 @@ void write_csv(const std::string& path, const ModesResult& r) {
 int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool) {
   if (buckling || !std::isinf(options.below) || !out_file.empty() || !csv_file.empty())
     throw Error(StatusCode::invalid_input, "--damping: --buckling, --below, --out and --csv do not go with it");
-  const SparseMatrix c = matrix::read_matrix(damping_file, {&pool, false});
+  const SparseMatrix c = matrix::read_matrix(damping_file, reading(pool, quiet || json));
   QuadraticModesOptions o;
   o.count = options.count > 0 ? options.count : 6;
   o.shift = options.shift;

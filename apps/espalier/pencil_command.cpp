@@ -16,6 +16,11 @@ void refuse_chosen_flags(const SolverFlags& flags, const std::string& who) {
       throw Error(StatusCode::invalid_input, fmt::format("--{} has no meaning here: {} it", key, who));
 }
 
+matrix::ReadOptions reading(base::ThreadPool& pool, bool silent) {
+  if (silent) return {&pool, false};
+  return {&pool, false, [](const std::string& notice) { print_note("espalier: {}\n", notice); }};
+}
+
 int conclude(const PencilOutput& output, const Status& status,
              const std::function<nlohmann::ordered_json(int code)>& report, const std::function<void()>& files,
              const std::string& text) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "espalier/types.hpp"
+#include "matrix/entries.hpp"
 #include "solver_flags.hpp"
 
 namespace espalier::cli {
@@ -14,6 +15,9 @@ namespace espalier::cli {
 /// @param who  "modes choose", for the message
 /// @throws Error(invalid_input) where --kind, --precision or --singular was given
 void refuse_chosen_flags(const SolverFlags& flags, const std::string& who);
+
+/// How K, M and C are read. @param silent  what is read otherwise than it stands in the file is not said on stderr
+[[nodiscard]] matrix::ReadOptions reading(base::ThreadPool& pool, bool silent);
 
 /// How results are shown.
 struct PencilOutput {

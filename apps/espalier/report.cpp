@@ -22,7 +22,8 @@ Json matrix_json(const RunRecord& record) {
           {"symmetric", record.symmetric()},
           {"complex", record.complex},
           {"hermitian", record.hermitian()},
-          {"read_seconds", record.read_seconds}};
+          {"read_seconds", record.read_seconds},
+          {"notices", record.notices}};
 }
 
 Json analysis_json(const AnalysisResult& analysis) {

@@ -15,7 +15,8 @@ namespace espalier::cli {
 
 /// Filled phase by phase; what a failed run did not reach stays empty.
 struct RunRecord {
-  std::string input;  ///< file name or generator
+  std::string input;                 ///< file name or generator
+  std::vector<std::string> notices;  ///< what was read otherwise than it stands in the file
   Index rows = 0;
   Offset nonzeros = 0;  ///< stored entries
   Storage storage = Storage::general;

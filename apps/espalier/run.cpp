@@ -15,6 +15,7 @@
 #include <fstream>
 #include <map>
 #include <memory>
+#include <set>
 #include <sstream>
 
 #include "command.hpp"
@@ -185,7 +186,9 @@ int RunCommand::run() const {
   const bool own_log = std::getenv("ESPALIER_LOG") != nullptr;
   const fs::path log = folder.path() / "log";
   if (!own_log) ::setenv("ESPALIER_LOG", log.c_str(), 1);
+  std::set<std::string> offered;
   for (const std::string& name : as.empty() ? usual_interfaces() : as) {
+    if (!offered.insert(name).second) continue;  // named twice
     if (name == "umfpack" || name == "cholmod" || name == "mumps") offer_before(name);
     if (name == "petsc") offer_petsc();
     if (name == "hsl") offer_hsl(folder);
@@ -219,7 +222,15 @@ void add_run(CLI::App& app, Action& action) {
       ->required()
       ->type_name("PROGRAM ...");
   sub->positionals_at_end();
-  sub->callback([command, &action] { action = [command] { return command->run(); }; });
+  sub->callback([command, &action] {
+    action = [command] {
+      try {
+        return command->run();
+      } catch (const fs::filesystem_error& error) {
+        refuse(fmt::format("the folder of links for the program cannot be made: {}", error.what()));
+      }
+    };
+  });
 }
 
 }  // namespace espalier::cli

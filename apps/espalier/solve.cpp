@@ -34,14 +34,14 @@ struct SolveCommand {
 template <class Value>
 struct Sort {
   using Matrix = SparseMatrix;
-  using Vectors = matrix::DenseVectors;
+  using Columns = RealColumns;
   static constexpr auto read = read_columns;
   static Solver solver(const LaunchedRanks& launched, const Options& options) { return {launched.ranks(), options}; }
 };
 template <>
 struct Sort<std::complex<double>> {
   using Matrix = ComplexSparseMatrix;
-  using Vectors = matrix::ComplexVectors;
+  using Columns = ComplexColumns;
   static constexpr auto read = read_complex_columns;
   static ComplexSolver solver(const LaunchedRanks& launched, const Options& options) {
     return {launched.ranks(), options};
@@ -78,9 +78,11 @@ class SolveRun {
   }
 
   void load(base::ThreadPool& pool) {
-    b_ = {matrix_.rows, 1, std::vector<Value>(static_cast<std::size_t>(matrix_.rows), Value(1))};
+    b_.rows = matrix_.rows;
+    b_.cols = 1;
+    b_.values.assign(static_cast<std::size_t>(matrix_.rows), Value(1));
     if (!command_.rhs_file.empty()) b_ = Sort<Value>::read(command_.rhs_file, matrix_.rows, pool);
-    record_.columns = b_.cols;
+    record_.columns = b_.given();
     progress_.end(duration(record_.read_seconds));
   }
 
@@ -123,14 +125,13 @@ class SolveRun {
 
   void solve() {
     progress_.begin("solve");
-    std::vector<Value> x(b_.values.size());
-    record_.solve = solver_.solve(b_.values, x, b_.cols);
+    typename Sort<Value>::Columns x = b_;
+    record_.solve = solver_.solve(b_.values, x.values, b_.cols);
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
     if (!command_.out_file.empty() && launched_.first())
-      matrix::write_matrix_market_vectors(command_.out_file, b_.rows, b_.cols, std::span<const Value>(x),
-                                          "solution by espalier");
+      write_columns(command_.out_file, x, "solution by espalier");
     if (command_.condition) estimate_condition();
   }
 
@@ -145,7 +146,7 @@ class SolveRun {
   Progress& progress_;
   SolverOf<Value> solver_;
   Matrix matrix_;
-  typename Sort<Value>::Vectors b_;
+  typename Sort<Value>::Columns b_;
   RunRecord& record_;
 };
 

@@ -148,6 +148,7 @@ std::string matrix_summary(const RunRecord& record) {
   table.add({"matrix", fmt::format("{}, {}, {}", counted(record.rows, "unknown", "unknowns"),
                                    counted(record.nonzeros, "entry", "entries"),
                                    (record.complex ? "complex " : "") + storage_name(record.storage))});
+  for (const std::string& notice : record.notices) table.add({"notice", notice});
   if (record.analysis && record.analysis->kind != Kind::automatic) {
     table.add({"method", fmt::format("{}, {}", method_name(record.analysis->kind), solver::name_of(record.precision))});
   }

@@ -64,7 +64,17 @@ void take_over_permissions(int descriptor, const std::string& target) {
 
 }  // namespace
 
+void check_path(std::string_view path) {
+  const std::size_t zero = path.find('\0');
+  if (zero == std::string_view::npos) return;
+  throw Error(StatusCode::invalid_input,
+              fmt::format("{}...: the path holds a zero byte after {} characters, where the system would end it; leave "
+                          "it out",
+                          path.substr(0, zero), zero));
+}
+
 fs::path followed(const std::string& path) {
+  check_path(path);
   constexpr int kMostLinks = 40;  // as Linux has it
   std::error_code error;
   fs::path at = fs::absolute(path, error);

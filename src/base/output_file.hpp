@@ -57,8 +57,12 @@ class OutputFile {
   void* packed_ = nullptr;  // gzFile
 };
 
+/// A name with a zero byte in it would be cut there by the system, and another file be read or written.
+/// @throws Error(invalid_input) that says where the zero byte stands
+void check_path(std::string_view path);
+
 /// The file that `path` means: absolute, all links followed (also one that leads to a file that is not there yet), no
-/// "." or "..". @throws Error(invalid_input) when its folder is not there or links lead in a circle
+/// "." or "..". @throws Error(invalid_input) as check_path(), or when its folder is not there or links lead in a circle
 std::filesystem::path followed(const std::string& path);
 
 /// Whether both names lead to one regular file, be it there or not. Pipes and devices may well be named twice.

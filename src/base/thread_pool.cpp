@@ -83,18 +83,29 @@ int available_cores() {
   return std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
+// What the system refuses to one more thread - memory for its stack, a place among its processes - the work of the
+// others will lack, too. With nothing left each of hundreds of threads throws at the same time, and C++ ends a process
+// that has no memory for its exceptions. So half of them are given back.
 ThreadPool::ThreadPool(int threads, Interruption* interruption) : interruption_(interruption) {
-  const int extra = std::max(1, threads) - 1;
+  int extra = std::max(1, threads) - 1;
   errors_.resize(static_cast<std::size_t>(extra) + 1);
   threads_.reserve(static_cast<std::size_t>(extra));
-  generation_ = first_generation();
-  try {
-    for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
-  } catch (const std::system_error&) {  // the system has no more threads: those that run must do
-  } catch (...) {                       // no memory: those that run must end before the exception may leave
-    stop_and_join();
-    throw;
+  while (extra > 0) {
+    generation_ = first_generation();
+    try {
+      for (int t = 0; t < extra; ++t) threads_.emplace_back([this, t] { work(t + 1); });
+      return;
+    } catch (const std::system_error&) {
+      extra = static_cast<int>(threads_.size()) / 2;
+      stop_and_join();
+      threads_.clear();
+      stop_ = false;
+    } catch (...) {  // no memory: those that run must end before the exception may leave
+      stop_and_join();
+      throw;
+    }
   }
+  generation_ = first_generation();
 }
 
 ThreadPool::~ThreadPool() { stop_and_join(); }

@@ -181,10 +181,10 @@ std::vector<Adaptive::Target> Adaptive::doubtful() const {
       if (nearest_sample(p.frequency) > 3 * p.half_width)
         out.push_back({p.frequency + (p.damped ? 0.3 : 1) * p.half_width, INFINITY});
     }
-  std::vector<Target> worst(at_.size());
+  std::vector<Target> worst(at_.size() + 1);  // between two samples, before the first and behind the last one
   for (const double f : grid) {
     if (!(f > from_ && f < to_) || nearest_sample(f) < kApart * length()) continue;
-    const auto interval = static_cast<std::size_t>(std::upper_bound(at_.begin(), at_.end(), f) - at_.begin()) - 1;
+    const auto interval = static_cast<std::size_t>(std::upper_bound(at_.begin(), at_.end(), f) - at_.begin());
     if (const double d = difference_at(f); d > worst[interval].difference) worst[interval] = {f, d};
   }
   for (const Target& t : worst)
@@ -265,6 +265,13 @@ void Adaptive::run(const std::vector<Resonance>& expected, std::vector<char>& ex
                                            : from_ + part * length());
   }
   add(first);
+  if (samples_.size() < 2) {  // and beside each of the others another one was tried
+    const Status& first_one = singular_.front().point.status;
+    throw Error(first_one.code,
+                fmt::format("at {} frequencies of {} the system is singular: {}", singular_.size(),
+                            singular_.size() + samples_.size(), first_one.message),
+                first_one.row);
+  }
   fit();
   note(expected, excited);
   fit();

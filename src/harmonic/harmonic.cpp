@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/memory.hpp"
 #include "base/stopwatch.hpp"
 #include "harmonic/adaptive.hpp"
 #include "harmonic/respond.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier {
 
@@ -78,6 +80,17 @@ void check_loads(std::span<const Complex> loads, Index columns, Index n) {
     }
     if (!any) refuse(fmt::format("load {} is zero everywhere: there is no response", c));
   }
+}
+
+// All responses lie in memory at once.
+void check_room(const HarmonicResult& r, std::size_t points, Offset limit) {
+  const double bytes = sizeof(Complex) * static_cast<double>(points) * r.loads * r.outputs;
+  const Offset room = limit > 0 ? limit : matrix::machine_memory();
+  if (bytes <= static_cast<double>(room)) return;
+  throw Error(StatusCode::out_of_memory,
+              fmt::format("{} points of {} responses to {} loads would take {:.3g} bytes, and there are {}: ask for fewer "
+                          "points, or observe fewer",
+                          points, r.outputs, r.loads, bytes, base::format_bytes(room)));
 }
 
 class Run {
@@ -183,6 +196,7 @@ HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixVie
     result.n = z.n();
     result.loads = columns;
     result.outputs = observer->outputs();
+    check_room(result, wanted.size(), options.solver.host_memory_bytes);
     Run run(loads, options, shop, result, z, std::move(wanted), *observer);
     if (options.tolerance > 0)
       run.interpolate(shop);

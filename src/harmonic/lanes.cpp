@@ -28,12 +28,21 @@ Options solver_options(const Options& from) {
   return o;
 }
 
-// Lanes beside each other do not call back, and share what memory there is.
-Options options_of_lane(Options o, int threads, int lanes) {
+// Lanes beside each other do not call back, but for the one of the thread that called, which asks whether to stop for
+// all; and they share what memory there is.
+Options options_of_lane(Options o, int threads, int lanes, base::Interruption& interruption) {
   o.threads = threads;
   if (lanes == 1) return o;
   o.log = nullptr;
-  o.interrupted = nullptr;
+  if (o.interrupted)
+    o.interrupted = [&interruption] {
+      try {
+        interruption.check();
+        return false;
+      } catch (const Error&) {
+        return true;
+      }
+    };
   if (o.host_memory_bytes > 0) o.host_memory_bytes = std::max<Offset>(1, o.host_memory_bytes / lanes);
   return o;
 }
@@ -67,7 +76,7 @@ Lanes::Lanes(const DynamicStiffness& z, std::span<const Complex> loads, Index co
 
 void Lanes::begin(double frequency) {
   const base::Stopwatch watch(result_.seconds.analysis);
-  whole_ = std::make_unique<Lane>(options_of_lane(options_, shop_.pool.size(), 1), nullptr);
+  whole_ = std::make_unique<Lane>(options_of_lane(options_, shop_.pool.size(), 1, shop_.interruption), nullptr);
   z_.evaluate(2 * std::numbers::pi * frequency, whole_->z);
   try {
     whole_->session.analyze(solver::given(z_.view(whole_->z)));
@@ -99,7 +108,7 @@ int Lanes::most_lanes() const {
 
 Lanes::Lane& Lanes::fresh(std::unique_ptr<Lane>& lane, int threads, int beside) {
   if (lane == nullptr || !lane->session.factor->like_new())
-    lane = std::make_unique<Lane>(options_of_lane(options_, threads, beside), analysis_);
+    lane = std::make_unique<Lane>(options_of_lane(options_, threads, beside, shop_.interruption), analysis_);
   return *lane;
 }
 

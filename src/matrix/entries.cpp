@@ -57,9 +57,10 @@ struct Mirrored {
 }
 
 // Union of the two triangles; entries present in both must agree.
-SparseMatrix merge_triangles(const RawEntries& raw, base::ThreadPool* pool, const Source& source,
+SparseMatrix merge_triangles(const RawEntries& raw, const ReadOptions& options, const Source& source,
                              const std::function<const char*(Offset)>& locate) {
-  const SparseMatrix lower = one_triangle(raw, false, pool), upper = one_triangle(raw, true, pool);
+  const SparseMatrix lower = one_triangle(raw, false, options.pool), upper = one_triangle(raw, true, options.pool);
+  Offset pairs = 0;
   const bool pattern = raw.value.size() == 0;
   SparseMatrix merged{raw.rows, raw.cols, {0}, {}, {}, Storage::symmetric_lower};
   const auto take = [&](const SparseMatrix& from, Offset p) {
@@ -77,11 +78,16 @@ SparseMatrix merge_triangles(const RawEntries& raw, base::ThreadPool* pool, cons
       }
       const bool from_lower = in_upper == kNone || (in_lower != kNone && in_lower <= in_upper);
       take(from_lower ? lower : upper, from_lower ? p : q);
-      if (in_lower == in_upper) ++q;
+      if (in_lower == in_upper) ++q, ++pairs;
       ++(from_lower ? p : q);
     }
     merged.col_ptr.push_back(static_cast<Offset>(merged.row_ind.size()));
   }
+  if (pairs > 0 && options.notice)
+    options.notice(fmt::format("{}: the file holds both triangles, though its first line promises one; {} {} mirror "
+                               "{} taken once",
+                               source.name, pairs, pairs == 1 ? "entry and its" : "entries and their",
+                               pairs == 1 ? "image were" : "images were"));
   return merged;
 }
 
@@ -117,7 +123,7 @@ SparseMatrix assemble_entries(const RawEntries& raw, const ReadOptions& options,
   if (raw.symmetry == Symmetry::general) {
     a = to_csc(view_of(raw, Storage::general), options.pool);
   } else if (mixed) {
-    a = merge_triangles(raw, options.pool, source, locate);
+    a = merge_triangles(raw, options, source, locate);
   } else if (raw.symmetry == Symmetry::symmetric) {
     a = to_csc(view_of(raw, Storage::symmetric_lower), options.pool);
   } else {
@@ -139,7 +145,7 @@ ComplexSparseMatrix assemble_complex_entries(RawEntries raw, const ReadOptions& 
   }
   SparseMatrix real = assemble_entries(raw, options, source, locate);
   std::swap(raw.value, raw.imaginary);
-  const SparseMatrix imaginary = assemble_entries(raw, options, source, locate);
+  const SparseMatrix imaginary = assemble_entries(raw, {options.pool, options.keep_pattern}, source, locate);
   ComplexSparseMatrix a{real.rows, real.cols, std::move(real.col_ptr), std::move(real.row_ind), {}, real.storage};
   if (hermitian) a.storage = Storage::hermitian_lower;
   a.values.reserve(real.values.size());

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <string>
 
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
@@ -15,6 +16,7 @@ namespace espalier::matrix {
 struct ReadOptions {
   base::ThreadPool* pool = nullptr;  ///< who parses; null: a pool of all cores is made for texts of 8 MiB and more
   bool keep_pattern = false;         ///< a pattern file gives a matrix without values; otherwise every value is 1
+  std::function<void(const std::string&)> notice = nullptr;  ///< hears what was read otherwise than it stands; null: nobody
 };
 
 /// What a file declares about its entries.
@@ -37,7 +39,7 @@ struct RawEntries {
 /// Assembles the matrix: general entries to Storage::general, symmetric ones to symmetric_lower, skew ones expanded to
 /// general. Repeated entries are summed (of a pattern: taken once). Entries of a symmetric file above the diagonal are
 /// mirrored below it. Where a symmetric or skew file holds both (i, j) and (j, i), which the formats forbid, the entry
-/// is taken once if the values agree and is an error otherwise.
+/// is taken once if the values agree, which options.notice hears, and is an error otherwise.
 /// @param locate the place of the k-th entry in source.text, for messages
 SparseMatrix assemble_entries(const RawEntries& raw, const ReadOptions& options, const Source& source,
                               const std::function<const char*(Offset k)>& locate);

@@ -12,6 +12,7 @@
 #include <cstring>
 
 #include "base/memory.hpp"
+#include "base/output_file.hpp"
 
 namespace espalier::matrix {
 
@@ -51,7 +52,8 @@ void feed(z_stream& stream, std::string_view& rest) {
 
 }  // namespace
 
-FileBytes::FileBytes(const std::string& path, Offset limit) {
+FileBytes::FileBytes(const std::string& path, std::string_view begin, Offset limit) {
+  base::check_path(path);
   const Descriptor file{::open(path.c_str(), O_RDONLY | O_CLOEXEC)};
   if (file.fd < 0) cannot_read(path, std::strerror(errno));
   struct stat info {};
@@ -67,7 +69,7 @@ FileBytes::FileBytes(const std::string& path, Offset limit) {
       return;
     }
   }
-  read_all(file.fd, path, limit);
+  read_all(file.fd, path, begin, limit);
 }
 
 FileBytes::~FileBytes() {
@@ -77,14 +79,20 @@ FileBytes::~FileBytes() {
 // While the buffer grows it stands in memory twice.
 Offset FileBytes::pipe_limit() { return machine_memory() / 3; }
 
-void FileBytes::read_all(int descriptor, const std::string& path, Offset limit) {
+void FileBytes::read_all(int descriptor, const std::string& path, std::string_view begin, Offset limit) {
+  constexpr std::size_t kNothing = 4096;  // zero bytes
+  const auto foreign = [&] {
+    const std::string_view head = std::string_view(buffer_).substr(0, kNothing);
+    return !head.starts_with(begin.substr(0, head.size())) ||
+           (head.size() == kNothing && head.find_first_not_of('\0') == std::string_view::npos);
+  };
   for (;;) {
     const std::size_t old = buffer_.size();
     buffer_.resize(old + kChunk);
     const ssize_t got = ::read(descriptor, buffer_.data() + old, kChunk);
     if (got < 0 && errno != EINTR) cannot_read(path, std::strerror(errno));
     buffer_.resize(old + static_cast<std::size_t>(std::max<ssize_t>(got, 0)));
-    if (got == 0) break;
+    if (got == 0 || foreign()) break;
     if (static_cast<Offset>(buffer_.size()) > limit)
       throw Error(StatusCode::out_of_memory,
                   fmt::format("{}: brings more than {} without an end; give a file instead of a pipe or device", path,

@@ -13,8 +13,10 @@ namespace espalier::matrix {
 class FileBytes {
  public:
   /// @throws Error(invalid_input) when the file cannot be opened or read, with the system's reason
-  /// @throws Error(out_of_memory) when a pipe or device (which may never end, as /dev/zero) brings more than `limit`
-  explicit FileBytes(const std::string& path, Offset limit = pipe_limit());
+  /// @throws Error(out_of_memory) when a pipe or device (which may never end, as /dev/random) brings more than `limit`
+  /// @param begin  of the format: of a pipe or device that begins otherwise, or with thousands of zero bytes as no
+  /// format does (/dev/zero), the beginning alone is read, for the caller to refuse
+  explicit FileBytes(const std::string& path, std::string_view begin = {}, Offset limit = pipe_limit());
   ~FileBytes();
   FileBytes(const FileBytes&) = delete;
   FileBytes& operator=(const FileBytes&) = delete;
@@ -22,7 +24,7 @@ class FileBytes {
 
  private:
   static Offset pipe_limit();
-  void read_all(int descriptor, const std::string& path, Offset limit);
+  void read_all(int descriptor, const std::string& path, std::string_view begin, Offset limit);
 
   std::string_view bytes_;
   void* mapping_ = nullptr;

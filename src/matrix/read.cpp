@@ -71,6 +71,15 @@ ComplexVectors read_complex_vectors(const std::string& path, const ReadOptions& 
   });
 }
 
+AnyVectors read_any_vectors(const std::string& path, const ReadOptions& options) {
+  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) -> AnyVectors {
+    const Source source{path, text};
+    if (text.empty()) fail(source, "the file is empty");
+    if (is_complex_matrix_market(text, path)) return parse_complex_matrix_market_vectors(text, path, with_pool);
+    return parse_matrix_market_vectors(text, path, with_pool);
+  });
+}
+
 DenseVectors read_vectors(const std::string& path, const ReadOptions& options) {
   return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
     const Source source{path, text};

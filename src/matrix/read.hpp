@@ -26,6 +26,10 @@ AnyMatrix read_any_matrix(const std::string& path, const ReadOptions& options = 
 /// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
 DenseVectors read_vectors(const std::string& path, const ReadOptions& options = {});
 
+/// Vectors of either sort of numbers: those of the file.
+using AnyVectors = std::variant<DenseVectors, ComplexVectors>;
+AnyVectors read_any_vectors(const std::string& path, const ReadOptions& options = {});
+
 /// The same of a complex file or a real one.
 ComplexVectors read_complex_vectors(const std::string& path, const ReadOptions& options = {});
 

@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <limits>
 
 #include "base/beside.hpp"
 #include "base/stopwatch.hpp"
+#include "matrix/norms.hpp"
 
 namespace espalier::modes {
 
@@ -16,6 +18,9 @@ namespace {
 // Modes sought to the right of one shift; for more another factorization is cheaper than a longer basis.
 constexpr Index kAtATime = 100;
 constexpr Index kSolvedColumns = 32;  // that are multiplied and solved for at a time in the end
+// Residuals |K x - l M x| above these are those of no mode: relative to what the sum is made of, and to rounding of the
+// largest entries. What is far from the shift may be a mixture of modes, small beside the norm of K and yet none.
+constexpr double kNoMode = 1e-4, kOfRounding = 1e2 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
@@ -26,7 +31,9 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
       pencil_(std::move(k), std::move(m), options, shop.pool),
       stiffness_(pencil_.k(), shop.pool),
       mass_(pencil_.m(), shop.pool),
-      mass_diagonal_(diagonal_of(pencil_.m())) {
+      mass_diagonal_(diagonal_of(pencil_.m())),
+      k_norm_(matrix::norm_inf(pencil_.k(), &shop.pool)),
+      m_norm_(matrix::norm_inf(pencil_.m(), &shop.pool)) {
   op_.n = pencil_.n();
   op_.inner = "M";
   op_.weights = [this](const double* w, Index columns) {
@@ -45,21 +52,37 @@ void Search::run() {
   look_at_mass_and_prepare();
   result_.finite = report_.finite;
   result_.massless = report_.massless;
-  if (options_.count > report_.finite)
-    throw Error(StatusCode::invalid_input,
-                fmt::format("{} modes are asked for, and there are {} finite eigenvalues ({} unknowns, {} of them with "
-                            "mass; constraints take away the rest)",
-                            options_.count, report_.finite, pencil_.n(), report_.rank));
-  wanted_ = options_.count > 0 ? options_.count : report_.finite;
+  if (options_.count > report_.finite) refuse_count();
   block_ = std::min(options_.block_size > 0 ? options_.block_size : Index{8}, report_.finite);
-  if (!std::isinf(options_.below)) count_below_bound();
-  if (wanted_ > 0 && !finished()) {
-    choose_first();
-    do {
-      explore();
-    } while (!finished() && choose_next());
+  constexpr int kBeginnings = 4;
+  for (int beginning = 1;; ++beginning) {
+    seek();
+    if (beginning == kBeginnings || !contradicted()) break;
+    start_anew();
   }
   say_complete();
+}
+
+void Search::seek() {
+  wanted_ = options_.count > 0 ? options_.count : report_.finite;
+  if (!std::isinf(options_.below)) count_below_bound();
+  if (wanted_ == 0 || finished()) return;
+  choose_first();
+  do {
+    explore();
+  } while (!finished() && choose_next());
+}
+
+// More were found below a number than there are: either the count is wrong, next to many equal eigenvalues, or what was
+// found is. The next search begins farther from zero, where K - s M is better conditioned.
+void Search::start_anew() {
+  constexpr double kFarther = 1e3;
+  shop_.log("modes: a count contradicts what was found; the search begins anew");
+  harvest_ = {};
+  counts_.clear();
+  exact_ = true;
+  extra_ = before_ = 0;
+  unit_ *= kFarther;
 }
 
 // M beside the analysis of K - s M, which does not need to know. The caller is asked for interruption, and hears, on
@@ -88,7 +111,7 @@ bool Search::finished() const {
   if (harvest_.size() >= report_.finite) return true;
   if (!options_.prove && harvest_.size() >= wanted_ && attempts_ > 0) return true;
   const auto end = proven();
-  return end && end->below >= wanted_;
+  return end && proves_wanted(*end);
 }
 
 Index Search::known_beyond(double from) const { return harvest_.size() - harvest_.below(from); }
@@ -103,11 +126,12 @@ std::optional<Workspace> Search::device_workspace(Index most, Index least) {
 // The modes next to the shift that are not known yet: all below it, and to the right as many as are wanted.
 void Search::explore() {
   const auto sure = proven();
-  const double from = sure ? sure->at : -std::numeric_limits<double>::infinity();
+  const double from = sure ? std::min(sure->at, shift_) : -std::numeric_limits<double>::infinity();
   const Index left = std::max<Index>(0, below_shift_ - harvest_.below(shift_));
   const Index sought = std::min(wanted_ + extra_, report_.finite);
   const Index right = std::clamp<Index>(sought - below_shift_, 0, kAtATime + extra_) - known_beyond(shift_);
   ++attempts_;
+  news_ = false;
   if (left == 0 && right <= 0) return;
   LanczosOptions o;
   o.wanted = {left, std::max<Index>(right, 0)};
@@ -120,6 +144,7 @@ void Search::explore() {
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
   const Index least = std::min<Index>(want + 3 * block_, o.dimension + block_) + known;
   const Sought sought_now{o, from, known, most, least};
+  const Index had = harvest_.size();
   LanczosResult found;
   try {
     found = search(sought_now);
@@ -129,6 +154,7 @@ void Search::explore() {
     on_device_.reset();
     found = search(sought_now);
   }
+  news_ = harvest_.size() > had;
   shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
                         shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
 }
@@ -193,7 +219,26 @@ void Search::collect(const LanczosResult& found, const std::function<void(const 
   }
   Tall batch(pencil_.n(), static_cast<Index>(taken.size()), &shop_.budget);
   make(found.combination(Eigen::all, taken), batch.col(0));
-  purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
+  const std::vector<char> good = purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
+  take_modes(std::move(batch), std::move(eigenvalues), std::move(bounds), good);
+}
+
+// Into the harvest, without those that are none.
+void Search::take_modes(Tall batch, std::vector<double> eigenvalues, std::vector<double> bounds,
+                        const std::vector<char>& good) {
+  Index kept = 0;
+  for (Index c = 0; c < batch.columns(); ++c) {
+    const auto from = static_cast<std::size_t>(c), to = static_cast<std::size_t>(kept);
+    if (good[from] == 0) continue;
+    eigenvalues[to] = eigenvalues[from];
+    bounds[to] = bounds[from];
+    if (kept < c) std::copy_n(batch.col(c), batch.rows(), batch.col(kept));
+    ++kept;
+  }
+  if (kept == 0) return;
+  eigenvalues.resize(static_cast<std::size_t>(kept));
+  bounds.resize(static_cast<std::size_t>(kept));
+  batch.keep(kept);
   harvest_.add(std::move(batch), eigenvalues, bounds);
 }
 
@@ -201,7 +246,8 @@ void Search::collect(const LanczosResult& found, const std::function<void(const 
 // Jensen, "How to implement the spectral transformation", Math. Comp. 48, 1987). Then x^T K x is a better eigenvalue
 // than that of OP, where its rounding is less.
 // @param rounding  of the eigenvalues of OP
-void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalues) {
+// @return of each whether it is a mode, by its residual
+std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalues) {
   const Index n = pencil_.n(), count = batch.columns();
   Tall image(n, std::min(count, kSolvedColumns), &shop_.budget);
   for (Index c = 0; c < count; c += kSolvedColumns) {
@@ -213,26 +259,34 @@ void Search::purify(Tall& batch, double rounding, std::vector<double>& eigenvalu
   }
   harvest_.project_out(shop_.pool, op_.b, batch, image);
   orthonormalize(shop_.pool, op_.b, batch, image);
+  std::vector<char> good(static_cast<std::size_t>(count), 0);
+  Tall mass_image(n, image.columns(), &shop_.budget);
   const std::vector<double> k_diagonal = diagonal_of(pencil_.k());
   const Eigen::Map<const Eigen::VectorXd> diagonal(k_diagonal.data(), n);
   for (Index c = 0; c < count; c += kSolvedColumns) {
     const Index width = std::min(kSolvedColumns, count - c);
     stiffness_.apply(shop_.pool, batch.col(c), image.col(0), width);
+    op_.b(batch.col(c), mass_image.col(0), width);
     for (Index j = 0; j < width; ++j) {
-      const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n);
-      double& l = eigenvalues[static_cast<std::size_t>(c + j)];
+      const Eigen::Map<const Eigen::VectorXd> x(batch.col(c + j), n), kx(image.col(j), n), mx(mass_image.col(j), n);
+      const auto at = static_cast<std::size_t>(c + j);
+      double& l = eigenvalues[at];
       // Errors by rounding: eps sum |K_ii| x_i^2, of the size of the largest eigenvalue; and that of 1 / theta.
       const double of_quotient = std::numeric_limits<double>::epsilon() * x.cwiseAbs2().dot(diagonal.cwiseAbs());
       if (of_quotient < rounding * (l - shift_) * (l - shift_)) l = x.dot(kx);
+      const double parts = kx.norm() + std::abs(l) * mx.norm() + x.cwiseProduct(diagonal).norm();
+      const double norms = (k_norm_ + std::abs(l) * m_norm_) * x.norm();
+      good[at] = static_cast<char>((kx - l * mx).norm() <= kNoMode * parts + kOfRounding * norms);
     }
   }
+  return good;
 }
 
 void Search::say_complete() {
   result_.counts = counts_;
   const auto end = proven();
   const bool all = harvest_.size() >= report_.finite;
-  const bool enough = all || (end && end->below >= wanted_);
+  const bool enough = all || (end && proves_wanted(*end));
   const Index kept = std::min(wanted_, harvest_.size());
   std::string doubt = report_.why;
   if (!exact_) doubt = "pivots were replaced: the inertia is not exact";
@@ -247,16 +301,22 @@ void Search::say_complete() {
         all ? fmt::format("all {} finite eigenvalues were found", report_.finite)
             : fmt::format(
                   "K - s M has {} negative eigenvalues at s = {:.17g} ({} of them of infinite "
-                  "eigenvalues), and {} eigenvalues below s were found",
-                  end->below + report_.negative_at_infinity, end->at, report_.negative_at_infinity, end->below);
+                  "eigenvalues), and {} eigenvalues below s were found{}",
+                  end->below + report_.negative_at_infinity, end->at, report_.negative_at_infinity, end->below,
+                  end->below < wanted_ ? "; the others are equal to rounding, and s lies just below them" : "");
   else
     result_.completeness = "not proven: " + doubt;
   if (kept < wanted_ || (options_.prove && !enough)) {
-    result_.completeness = fmt::format("not proven: {} modes of {} were found", kept, wanted_);
+    std::string what = fmt::format("{} of {} modes were found", kept, wanted_);
+    for (const ModeCount& c : counts_)  // of those that are missing, the lowest
+      if (const Index below = harvest_.below(c.at); below < c.below && !accounts_for(c)) {
+        what += fmt::format(", and {} of the {} below {:g} {} missing", c.below - below, c.below, c.at,
+                            c.below - below == 1 ? "is" : "are");
+        break;
+      }
+    result_.completeness = "not proven: " + what;
     throw Error(StatusCode::accuracy_not_reached,
-                fmt::format("{} of {} modes were found; allow a longer basis (basis_size), a larger tolerance, or ask "
-                            "for fewer",
-                            kept, wanted_));
+                what + "; allow a longer basis (basis_size), a larger tolerance, another shift, or ask for fewer");
   }
 }
 

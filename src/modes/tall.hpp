@@ -23,6 +23,8 @@ class Tall {
       : rows_(rows), columns_(columns), data_(static_cast<std::int64_t>(rows) * columns, budget) {}
   [[nodiscard]] Index rows() const { return rows_; }
   [[nodiscard]] Index columns() const { return columns_; }
+  /// The first ones alone count from now on; the memory stays.
+  void keep(Index columns) { columns_ = columns; }
   [[nodiscard]] double* col(Index j) { return data_.data() + static_cast<std::int64_t>(rows_) * j; }
   [[nodiscard]] const double* col(Index j) const { return data_.data() + static_cast<std::int64_t>(rows_) * j; }
 

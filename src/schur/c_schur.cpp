@@ -1,5 +1,7 @@
 /// \file
 /// The C interface of Schur complements: the lock and the messages are those of a solver's handle.
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cstdint>
 #include <memory>
@@ -52,6 +54,9 @@ int analyze(espalier_schur* schur, const Matrix* a, const std::int64_t* unknowns
     require(count >= 0 && (count == 0 || unknowns != nullptr), "the list of unknowns is null");
     const espalier::solver::CMatrix matrix(*a, false);
     require(!matrix.complex(), "complex systems are solved by espalier_solver alone");
+    if (count > a->rows)  // each is listed once: the array behind it need not be as long
+      throw espalier::Error(espalier::StatusCode::invalid_input,
+                            fmt::format("{} unknowns are listed, and the matrix has {} rows", count, a->rows));
     std::vector<Index> list;
     for (std::int64_t k = 0; k < count; ++k)
       list.push_back(static_cast<Index>(std::clamp<std::int64_t>(unknowns[k] - a->index_base, -1, INT32_MAX)));

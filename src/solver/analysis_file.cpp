@@ -66,6 +66,7 @@ class Writer {
 class Reader {
  public:
   explicit Reader(const std::string& path) : path_(path), in_(path, std::ios::binary) {
+    base::check_path(path);
     if (!in_) fail("cannot be opened");
     in_.seekg(0, std::ios::end);
     const std::streamoff size = in_.tellg();

@@ -59,9 +59,11 @@ OwnRows own_rows(const Part& part) {
   require(part.first_row >= part.index_base && part.first_row - part.index_base <= part.n - part.rows,
           "first_row out of range");
   own.first_row = static_cast<Index>(part.first_row - part.index_base);
-  for (std::int64_t r = 0; r <= part.rows; ++r)
+  require(part.pointers[0] == part.index_base, "the pointers do not begin with index_base");
+  for (std::int64_t r = 0; r <= part.rows; ++r) {  // up to the first one that cannot be
     own.pointers.push_back(static_cast<Offset>(part.pointers[r]) - part.index_base);
-  require(own.pointers.front() == 0 && own.pointers.back() >= 0, "the pointers do not begin with index_base");
+    require(r == 0 || part.pointers[r] >= part.pointers[r - 1], "the pointers fall");
+  }
   const auto count = static_cast<std::size_t>(own.pointers.back());
   require(count == 0 || part.indices != nullptr, "the indices are null");
   for (std::size_t k = 0; k < count; ++k) {
@@ -122,6 +124,7 @@ extern "C" {
 int espalier_use_ranks(espalier_solver* solver, const espalier_rank_functions* functions, double patience) {
   return espalier::solver::guarded(solver, [&](espalier_solver& s) {
     espalier::solver::require(functions != nullptr, "the table of functions is null");
+    espalier::solver::require(functions->size >= sizeof(espalier_rank_functions), "size is not that of the struct");
     s.solver.reset();
     s.complex_solver.reset();
     s.ranks = espalier::Ranks(*functions, patience == 0 ? espalier::Ranks::kPatience : patience);

@@ -3,8 +3,12 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
+#include <barrier>
 #include <memory>
+#include <new>
 #include <thread>
+#include <utility>
+#include <vector>
 
 #include "base/thread_pool.hpp"
 #include "process.hpp"
@@ -63,6 +67,41 @@ TEST(Threads, ThatTheSystemRefusesAreDoneWithout) {
               return pool.size() >= 1 && pool.size() < 400 && adds_up(pool);
             }),
             0);
+}
+
+// Where the system refuses one, half of the others are given back. All that are left fail at the same time, with no
+// memory in the process: C++ has some tens of kilobytes for the exceptions of such a moment, and ends it beyond.
+TEST(Threads, ThatRunCanAllFailAtOnce) {
+#if defined(ESPALIER_SANITIZED)
+  GTEST_SKIP() << "the sanitizers need the address space";
+#endif
+  const auto fail_together = [] {
+    test::limit_address_space(std::uint64_t{6} << 30);
+    ThreadPool pool(4096);
+    std::barrier all(pool.size());
+    std::atomic<int> failed{0};
+    pool.run([&](int) {
+      std::vector<std::unique_ptr<char[]>> kept;
+      kept.reserve(10000);
+      all.arrive_and_wait();
+      for (std::size_t size = std::size_t{1} << 26; size >= 32 && kept.size() < kept.capacity();) {
+        std::unique_ptr<char[]> more(new (std::nothrow) char[size]);
+        if (more == nullptr)
+          size /= 2;
+        else
+          kept.push_back(std::move(more));
+      }
+      all.arrive_and_wait();
+      try {
+        throw std::bad_alloc();
+      } catch (const std::bad_alloc&) {
+        ++failed;
+        all.arrive_and_wait();
+      }
+    });
+    return pool.size() > 1 && pool.size() < 4096 && failed == pool.size() && adds_up(pool);
+  };
+  EXPECT_EQ(test::in_child(fail_together), 0);
 }
 
 }  // namespace

@@ -47,9 +47,9 @@ class Cli(unittest.TestCase):
         return subprocess.run([BINARY, *map(str, arguments)], capture_output=True, text=True, timeout=120,
                               env=environment, stdin=subprocess.DEVNULL, **more)
 
-    def expect(self, code, *arguments, says=()):
+    def expect(self, code, *arguments, says=(), **more):
         """Runs, checks the exit code and that stderr says something sensible in one message; returns the result."""
-        result = self.run_cli(*arguments)
+        result = self.run_cli(*arguments, **more)
         self.assertEqual(result.returncode, code, f"{arguments}\n{result.stdout}\n{result.stderr}")
         if code != 0:
             self.assertIn("error:", result.stderr)
@@ -106,6 +106,16 @@ raise SystemExit(7)
         self.assertEqual(result.stdout.strip(), "2.0 0 device=cpu;threads=1")
         self.assertIn("pardiso: 1 factorization, largest n 1,", result.stderr)
         self.assertEqual(list(self.folder.iterdir()), [], "nothing is left behind")
+
+    def test_an_interface_named_twice_is_offered_once(self):
+        result = self.run_cli("run", "--as", "mkl,hsl,mkl", "--as", "hsl", "--", sys.executable, "-c", self.PARDISO,
+                              env={"ESPALIER_OPTIONS": "device=cpu;threads=1"})
+        self.assertEqual(result.returncode, 7, result.stderr)
+        self.assertIn("pardiso: 1 factorization, largest n 1,", result.stderr)
+
+    def test_a_folder_that_cannot_be_made(self):
+        for folder in ("/nonexistent", "/dev/null"):
+            self.expect(2, "run", "--", "true", env={"TMPDIR": folder}, says="folder")
 
     def test_programs_that_end_badly(self):
         self.assertEqual(self.run_cli("run", "--", "sh", "-c", "kill -9 $$").returncode, 128 + 9)
@@ -213,6 +223,26 @@ class UnreadableInput(Cli):
             self.assertEqual(report["determinant"]["phase"], [1, 0] if symmetry == "hermitian" else None)
             self.assertLessEqual(abs(report["determinant"]["log"] - math.log(abs(determinant))), 1e-13)
 
+    def test_complex_right_hand_sides_of_a_real_matrix(self):
+        # Second differences and unsymmetric; two columns, one with an imaginary part that is zero. Truth: the product.
+        for name, symmetry, entries, rows in (("spd", "symmetric", second_difference(3), ((2, -1, 0), (-1, 2, -1), (0, -1, 2))),
+                                              ("lu", "general", [(1, 2, 1.0), (2, 1, 3.0), (2, 3, 1.0), (3, 3, 2.0)],
+                                               ((0, 1, 0), (3, 0, 1), (0, 0, 2)))):
+            a, out = self.file(name + ".mtx", coordinate(3, entries, symmetry)), self.folder / "x.mtx"
+            b = (1 + 2j, -3j, 4, 5, 6, 7)
+            rhs = self.file("b.mtx", "%%MatrixMarket matrix array complex general\n3 2\n"
+                            + "".join(f"{complex(v).real} {complex(v).imag}\n" for v in b))
+            report = json.loads(self.expect(0, "solve", a, "--rhs", rhs, "--out", out, "--json").stdout)
+            self.assertLessEqual(report["backward_error"]["normwise"], 1e-15)
+            lines = [line for line in out.read_text().splitlines() if line[0] != "%"]
+            self.assertEqual(lines[0], "3 2")
+            x = [complex(*map(float, line.split())) for line in lines[1:]]
+            for k in range(6):
+                product = sum(v * x[3 * (k // 3) + j] for j, v in enumerate(rows[k % 3]))
+                self.assertLessEqual(abs(product - b[k]), 1e-14)
+        self.expect(2, "solve", a, "--rhs", self.file("b.mtx", "%%MatrixMarket matrix array complex general\n2 1\n1 2\n3 4\n"),
+                    says="2 x 1")
+
     def test_malformed(self):
         self.refuse("hello\n")
         self.refuse("%%MatrixMarket matrix coordinate complex hermitian\n1 1 1\n1 1 1 2\n", ":3")
@@ -305,7 +335,19 @@ class Solutions(Cli):
 
     def test_both_triangles_of_a_symmetric_file(self):
         entries = [(1, 1, 4.0), (2, 2, 4.0), (2, 1, 1.0), (1, 2, 1.0)]
-        self.assert_solution(self.solve(coordinate(2, entries, "symmetric"))[1], [0.2, 0.2])
+        report, x = self.solve(coordinate(2, entries, "symmetric"))
+        self.assert_solution(x, [0.2, 0.2])
+        self.assertEqual(len(report["matrix"]["notices"]), 1)
+        self.assertIn("1 entry and its mirror image were taken once", report["matrix"]["notices"][0])
+        for command in (["solve"], ["analyze"], ["modes", self.folder / "a.mtx", "--count", "1"]):
+            result = self.expect(0, *command, self.folder / "a.mtx")
+            self.assertIn("taken once", result.stdout + result.stderr)
+        for symmetry, more in (("symmetric", ""), ("general", "1 2 1\n")):  # as it should be: nothing is said
+            text = f"%%MatrixMarket matrix coordinate real {symmetry}\n2 2 {3 + bool(more)}\n1 1 4\n2 2 4\n2 1 1\n{more}"
+            self.assertEqual(self.solve(text)[0]["matrix"]["notices"], [])
+        text = "%%MatrixMarket matrix coordinate complex hermitian\n2 2 4\n1 1 4 0\n2 2 4 0\n2 1 0 1\n1 2 0 -1\n"
+        result = self.expect(0, "solve", self.file("h.mtx", text), "--json")
+        self.assertEqual(len(json.loads(result.stdout)["matrix"]["notices"]), 1)
         self.solve(coordinate(2, entries[:3] + [(1, 2, 3.0)], "symmetric"), code=2)
 
     def test_upper_triangle_of_a_symmetric_file(self):
@@ -548,8 +590,15 @@ class Terminal(Cli):
         self.assertNotRegex(self.on_terminal(NO_COLOR="1"), "\x1b\\[[0-9;]*m")
 
     def test_quiet_says_nothing(self):
-        result = self.expect(0, "solve", "--generate", "elasticity 3 3 3", "--quiet")
-        self.assertEqual((result.stdout, result.stderr), ("", ""))
+        for command in (["solve", "--generate", "elasticity 3 3 3"], ["analyze", "--generate", "elasticity 3 3 3"],
+                        ["analyze", "--dry-run", "--generate", "elasticity 3 3 3"],
+                        ["generate", "elasticity", "3", "3", "3", "--out", self.folder / "a.mtx"]):
+            for flag in ("-q", "--quiet"):
+                with self.subTest(command=command, flag=flag):
+                    result = self.expect(0, *command, flag)
+                    self.assertEqual((result.stdout, result.stderr), ("", ""))
+        self.assertGreater((self.folder / "a.mtx").stat().st_size, 0)
+        self.expect(2, "analyze", self.folder / "missing.mtx", "-q", says="missing.mtx")
 
 
 class Generate(Cli):

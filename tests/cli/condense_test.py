@@ -44,6 +44,25 @@ class Condense(Cli):
         self.assertAlmostEqual(values[6], 1 + 6, delta=1e-12)
         self.assertAlmostEqual(values[5], 1 + 6, delta=1e-12)
 
+    def test_complex_right_hand_sides(self):
+        b = self.file("b.mtx", f"%%MatrixMarket matrix array complex general\n{N} 1\n" + "1 -2\n" * N)
+        g = self.folder / "g.mtx"
+        self.expect(0, "condense", self.a, "--unknowns", f"0,{N - 1}", "--rhs", b, "--out-rhs", g, "-q")
+        lines = [line.split() for line in g.read_text().splitlines() if not line.startswith("%")]
+        self.assertEqual(lines[0], ["2", "1"])
+        for real, imaginary in lines[1:]:  # half of the masses between pull at either end
+            self.assertAlmostEqual(float(real), N / 2, delta=1e-12)
+            self.assertAlmostEqual(float(imaginary), -N, delta=1e-12)
+
+    def test_lists_that_ask_for_much_memory(self):
+        self.expect(2, "condense", self.a, "--unknowns", "0-2147483647", says="none of the 20 unknowns")
+        self.expect(2, "condense", self.a, "--unknowns", ",".join(["0-19"] * 20000), says="longer than the 20")
+        self.expect(2, "condense", self.a, "--list", "/dev/zero", says="no index")
+        k, m = self.a, self.file("M.mtx", coordinate(N, [(i, i, 1.0) for i in range(1, N + 1)], "symmetric"))
+        for option in ("--at", "--observe"):
+            words = ["--at", "0"] if option == "--observe" else []
+            self.expect(2, "harmonic", k, m, *words, option, "0-2000000000", "--from", 0, "--to", 1, says="20 unknowns")
+
     def test_says_what_is_wrong(self):
         self.expect(2, "condense", self.a)
         self.expect(2, "condense", self.a, "--unknowns", "0,0")

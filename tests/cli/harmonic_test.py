@@ -56,6 +56,32 @@ class Harmonic(Cli):
         self.assertEqual(len(found["resonances"]), N)
         self.assertLessEqual(found["checked_error"], 1e-4)
 
+    def test_interpolates_from_a_frequency_at_which_the_system_is_singular(self):
+        # A free chain moves away at frequency 0. Truth: the modes, cos((j + 1/2) i pi / n).
+        n, eta = 12, 0.02
+        k = self.file("free.mtx", coordinate(n, [(i, i, 1.0 if i in (1, n) else 2.0) for i in range(1, n + 1)]
+                                             + [(i + 1, i, -1.0) for i in range(1, n)], "symmetric"))
+        m = self.file("free_mass.mtx", coordinate(n, [(i, i, 1.0) for i in range(1, n + 1)], "symmetric"))
+
+        def truth(frequency):
+            w = 2 * math.pi * frequency
+            return sum((1 if j == 0 else 2) / n * math.cos(j * math.pi / (2 * n)) ** 2
+                       / (4 * math.sin(j * math.pi / (2 * n)) ** 2 * complex(1, eta) - w * w) for j in range(n))
+
+        for lowest, highest in ((0, 5), (0, 0.4), (0, 1e-3)):
+            rows = self.rows(k, m, "--at", "0", "--observe", "0", "--loss-factor", eta, "--from", lowest, "--to", highest,
+                             "--tolerance", 1e-4, code=3)
+            self.assertGreaterEqual(len(rows), 101)
+            for row in rows[1:]:
+                x = truth(float(row["frequency"]))
+                self.assertAlmostEqual(float(row["amplitude_0_0"]) / abs(x), 1, delta=0.01)
+
+    def test_a_system_that_is_singular_everywhere(self):
+        k, m = (self.file(name, coordinate(3, [(1, 1, 1.0), (2, 2, value)], "symmetric"))
+                for name, value in (("k.mtx", 2.0), ("m.mtx", 1.0)))
+        for tolerance in ([], ["--tolerance", 1e-4]):
+            self.expect(3, "harmonic", k, m, "--at", "0", "--from", 0, "--to", 1, *tolerance)
+
     def test_a_resonance_without_damping_is_exit_code_3(self):
         k, m = (self.file(name, coordinate(1, [(1, 1, value)], "general"))
                 for name, value in (("k.mtx", 4 * math.pi ** 2), ("m.mtx", 1.0)))

@@ -37,6 +37,33 @@ class Modes(Cli):
         self.assertLess(report["orthogonality"], 1e-12)
         self.assertGreaterEqual(report["factorizations"], 1)
 
+    def test_clusters_and_what_lies_far_below(self):
+        pairs = [entry for i in range(1, 40, 2) for entry in ((i, i, 1.0), (i + 1, i, -1.0), (i + 1, i + 1, 1.0))]
+        k = self.file("pairs.mtx", coordinate(N, pairs, "symmetric"))
+        report = self.report(k, self.m, "--count", 25)
+        self.assertTrue(report["complete"], report["completeness"])
+        for mode, truth in zip(report["modes"], [0.0] * 20 + [2.0] * 5, strict=True):
+            self.assertAlmostEqual(mode["eigenvalue"], truth, delta=1e-12)
+        k, m = (self.file(name, coordinate(5, [(i + 1, i + 1, float(v)) for i, v in enumerate(values)], "symmetric"))
+                for name, values in (("far.mtx", (-3e12, -1, 0, 2, 5)), ("ones.mtx", (1,) * 5)))
+        for count in range(1, 6):
+            report = self.report(k, m, "--count", count)
+            self.assertTrue(report["complete"], report["completeness"])
+            for mode, truth in zip(report["modes"], (-3e12, -1, 0, 2, 5)):
+                self.assertAlmostEqual(mode["eigenvalue"], truth, delta=1e-12 + 1e-15 * abs(truth))
+
+    def test_dependent_constraints_are_singular(self):
+        k = self.file("c.mtx", coordinate(4, [(1, 1, 2.0), (2, 2, 3.0), (3, 1, 1.0), (4, 1, 1.0)], "symmetric"))
+        m = self.file("m.mtx", coordinate(4, [(1, 1, 1.0), (2, 2, 1.0)], "symmetric"))
+        for arguments in (["--count", 1], ["--count", 3], ["--below", 10]):
+            self.expect(3, "modes", k, m, *arguments, says="constraints depend on each other")
+
+    def test_bounds_beyond_everything(self):
+        for bound, count in ((1e300, N), (1e12, N), (-1e300, 0), (-1e12, 0)):
+            report = self.report(self.k, self.m, "--below", bound)
+            self.assertEqual(len(report["modes"]), count)
+            self.assertTrue(report["complete"], report["completeness"])
+
     def test_finds_all_below_a_bound(self):
         bound = (TRUTH[6] + TRUTH[7]) / 2
         self.assertEqual(len(self.report(self.k, self.m, "--below", bound)["modes"]), 7)

@@ -67,6 +67,47 @@ TEST(ModelHarmonic, AMassOnASpringIsItsClosedForm) {
   }
 }
 
+// Two points and a spring, free in space: singular at frequency 0 alone, where the sweep begins. Truth: half of the
+// force over the spring's reduced mass moves them apart, half moves them together.
+TEST(ModelHarmonic, FreeBodiesFromFrequencyZero) {
+  const std::string text = R"(
+[bodies.one]
+type = "point"
+mass = 2
+position = [0, 0, 0]
+[bodies.two]
+type = "point"
+mass = 2
+position = [1, 0, 0]
+[forces.spring]
+type = "spring"
+a = { body = "one" }
+b = { body = "two" }
+stiffness = 800
+damping = 1
+rest = 1
+[forces.shaker]
+type = "load"
+a = { body = "two" }
+force = [1, 0, 0]
+factor = 0
+[harmonic]
+to = 10
+tolerance = 1e-4
+loads = ["shaker"]
+quantities = ["two.position.x"]
+)";
+  const ModelHarmonicResult r = responded(text);
+  EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::singular)) << r.status.message;
+  ASSERT_GE(r.response.points.size(), 101U);
+  EXPECT_FALSE(r.response.points[0].status.ok());
+  for (std::size_t p = 1; p < r.response.points.size(); ++p) {
+    const double w = kTwoPi * r.response.points[p].frequency;
+    const Complex x = 0.25 * (1.0 / Complex(-w * w) + 1.0 / (800.0 + kI * w * 1.0 - w * w));
+    EXPECT_LE(std::abs(value_of(r, p, "two.position.x") - x), 1e-2 * std::max(std::abs(x), 1e-6)) << w;
+  }
+}
+
 // The same by a motor: the base moves by u. Truth: bob (k + i w c) u / (k + i w c - w^2 m); the motor carries all.
 TEST(ModelHarmonic, APrescribedMotionMovesTheBase) {
   for (const double eta : {0.0, 0.05}) {

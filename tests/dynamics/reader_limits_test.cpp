@@ -120,6 +120,119 @@ TEST(ReaderLimits, Repetitions) {
   EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 20);
 }
 
+/// Loads a model, which must be refused like the above, by its status.
+void expect_model_refused(const std::string& text, const std::string& says, SimulationOptions options = {},
+                          StatusCode code = StatusCode::invalid_input) {
+  const long before = peak_kilobytes();
+  const auto start = Clock::now();
+  Simulation simulation(std::move(options));
+  const Status status = simulation.load_text(text, "model.toml");
+  EXPECT_EQ(static_cast<int>(status.code), static_cast<int>(code)) << status.message;
+  EXPECT_NE(status.message.find(says), std::string::npos) << status.message;
+  EXPECT_LT(status.message.size(), 2000U);
+  EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10) << says;
+  EXPECT_LT(peak_kilobytes() - before, 600000) << says;
+}
+
+/// Every whole number that says how much is made, one after the other.
+TEST(ReaderLimits, NumbersThatTakeMemory) {
+  const auto surface = [](const std::string& lines) { return kPendulum + "[surfaces.s]\nbody = \"ground\"\n" + lines; };
+  const auto part = [](const std::string& mesh) {
+    return kPendulum +
+           "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1e9, poisson = 0.3, density = 1000 }\nmesh = { " + mesh +
+           " }\n";
+  };
+  const std::string sprocket = "shape = \"sprocket\"\npitch = 1e-2\nroller_radius = 3e-3\nwidth = 1e-2\n";
+  for (const char* many : {"10001", "2000000000"}) {
+    const std::string number(many);
+    expect_model_refused(surface(sprocket + "teeth = " + number + "\n"), "from 6 to 10000");
+    expect_model_refused(surface("shape = \"line\"\nradius = 1\ndivisions = " + number + "\n"), "from 1 to 1000");
+    expect_model_refused(part("part = \"tyre\", sectors = " + number + "0"), "sectors");
+    expect_model_refused(part("part = \"spur-gear\", teeth = " + number + "0"), "teeth");
+    expect_model_refused(part("part = \"bladed-rotor\", blades = " + number + "0"), "blades");
+    expect_model_refused(kPendulum + "[harmonic]\nfrom = 1\nto = 2\nphases = " + number + "\nloads = []\n", "phases");
+  }
+  expect_model_refused(part("part = \"block\", divisions = [100000, 100000, 100000]"), "divisions");
+  // Lengths that make far more elements than were wished for.
+  for (const char* extreme : {"part = \"bladed-rotor\", shaft_length = 1e12", "part = \"chain-link\", pitch = 1e12",
+                              "part = \"connecting-rod\", length = 1e15", "part = \"bladed-rotor\", blades = 100000"}) {
+    Simulation simulation{SimulationOptions{}};
+    const long before = peak_kilobytes();
+    const Status status = simulation.load_text(part(extreme), "model.toml");
+    EXPECT_FALSE(status.ok()) << extreme;
+    EXPECT_LT(peak_kilobytes() - before, 2000000) << extreme << ": " << status.message;
+  }
+}
+
+/// Names with * in a contact. Truth: each is answered at once, with the letters that fit.
+TEST(ReaderLimits, PatternsOfSurfaces) {
+  const auto model = [](const std::string& name, const std::string& pattern) {
+    return kPendulum + "[surfaces.\"" + name +
+           "\"]\nbody = \"bob\"\nshape = \"sphere\"\nradius = 0.01\n[surfaces.floor]\nbody = \"ground\"\nshape = "
+           "\"plane\"\npoint = [0, 0, -9]\nnormal = [0, 0, 1]\n[contacts.c]\nsurfaces = [\"" +
+           pattern + "\", \"floor\"]\nstiffness = 1e3\n";
+  };
+  const std::string many_a(900, 'a');
+  const auto fits = [&](const std::string& name, const std::string& pattern) {
+    const auto start = Clock::now();
+    Simulation simulation{SimulationOptions{}};
+    const Status status = simulation.load_text(model(name, pattern), "model.toml");
+    EXPECT_LT(std::chrono::duration<double>(Clock::now() - start).count(), 10);
+    const bool refused = status.message.find("there is no surface") != std::string::npos;
+    EXPECT_NE(status.ok(), refused) << status.message;
+    EXPECT_LT(status.message.size(), 2000U);
+    return status.ok();
+  };
+  for (const char* pattern : {"ball", "*", "b*", "*l", "*al*", "b*a*l*l", "**b**a**", "*b*a*l*l*"})
+    EXPECT_TRUE(fits("ball", pattern)) << pattern;
+  for (const char* pattern : {"bal", "balls", "*x*", "b*b", "*ba", "a*", "*l*l*l*", "l*", ""})
+    EXPECT_FALSE(fits("ball", pattern)) << pattern;
+  EXPECT_TRUE(fits("aab", "*ab"));     // the first a is none of the end
+  EXPECT_TRUE(fits("aaab", "*a*ab"));  // likewise
+  EXPECT_FALSE(fits("ab", "*a*ab"));
+  EXPECT_TRUE(fits("ball", times(200000, "*")));
+  EXPECT_FALSE(fits("ball", times(200000, "*") + "x"));
+  EXPECT_FALSE(fits(many_a, times(200, "*a") + "b"));
+  EXPECT_TRUE(fits(many_a + "b", times(200, "*a") + "b"));
+  EXPECT_FALSE(fits("ball", times(200000, "?")));
+}
+
+/// Devices without an end.
+TEST(ReaderLimits, FilesWithoutAnEnd) {
+  SimulationOptions options;
+  options.restart = "/dev/zero";
+  expect_model_refused(kPendulum, "/dev/zero: this is not a restart file", options);
+  options.restart = "/dev/urandom";
+  expect_model_refused(kPendulum, "/dev/urandom: this is not a restart file", options);
+  const long before = peak_kilobytes();
+  EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load("/dev/zero").code),
+            static_cast<int>(StatusCode::invalid_input));
+  for (const char* kind : {"mesh = { file = \"/dev/zero\" }"})
+    expect_model_refused(kPendulum + "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1, poisson = 0, density = 1 }\n" +
+                             kind + "\n",
+                         "/dev/zero");
+  EXPECT_LT(peak_kilobytes() - before, 600000);
+}
+
+/// A zero byte would cut the name for the system. Truth: refused, and nothing is written.
+TEST(ReaderLimits, PathsWithAZeroByte) {
+  const ScratchFolder scratch;
+  const std::string cut = scratch.path() + "/cut", zero = cut + std::string("\0more", 5);
+  const auto refused = [&](auto member) {
+    SimulationOptions options;
+    options.*member = zero;
+    expect_model_refused(kPendulum, "zero byte", options);
+  };
+  refused(&SimulationOptions::out);
+  refused(&SimulationOptions::dump);
+  refused(&SimulationOptions::analyses);
+  refused(&SimulationOptions::restart);
+  EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load(zero).code), static_cast<int>(StatusCode::invalid_input));
+  expect_model_refused(kPendulum + "[surfaces.s]\nbody = \"ground\"\nfile = \"/dev/null\\u0000x\"\nshape = \"mesh\"\n",
+                       "zero byte");
+  EXPECT_FALSE(std::filesystem::exists(cut));
+}
+
 using ReaderLimitsMesh = MeshFiles;
 
 constexpr const char* kTet = "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n4,0,0,1\n*ELEMENT,TYPE=C3D4,ELSET=ALL\n1,1,2,3,4\n";

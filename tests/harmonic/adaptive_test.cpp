@@ -1,4 +1,6 @@
 // Interpolated frequency responses against dense solutions, and peaks that no grid would see.
+#include <fmt/format.h>
+
 #include "harmonic/harmonic_common.hpp"
 #include "harmonic/rational.hpp"
 
@@ -242,6 +244,107 @@ TEST(HarmonicInterpolation, SaysWhenItsSolvesAreSpent) {
   EXPECT_FALSE(r.complete);
   EXPECT_EQ(r.factorizations, 20);
   EXPECT_GE(r.points.size(), 100U);  // with their estimates
+}
+
+/// A free chain with structural damping: singular at frequency 0.
+Case free_chain(int n) {
+  Case a{test::chain(n), {}, Eigen::MatrixXd::Identity(n, n), Eigen::MatrixXcd::Zero(n, 1)};
+  a.k(0, 0) = a.k(n - 1, n - 1) = 1;
+  a.c = Eigen::MatrixXd::Zero(n, n);
+  a.f(0, 0) = 1;
+  a.eta = 0.02;
+  return a;
+}
+
+// Truth: the dense answer at all other frequencies; the singular one alone is said to be so.
+TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
+  const Case a = free_chain(12);
+  for (const double to : {5.0, 0.4, 0.05, 1e-3, 1e-9})
+    for (const double tolerance : {1e-2, 1e-4, 1e-6})
+      for (const Index points : {2, 3, 101}) {
+        HarmonicOptions o = range(0, to, points, tolerance);
+        o.loss_factor = a.eta;
+        const HarmonicResult r = a.response(o);
+        SCOPED_TRACE(fmt::format("to {}, tolerance {}, {} points", to, tolerance, points));
+        EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::singular)) << r.status.message;
+        ASSERT_GE(r.points.size(), static_cast<std::size_t>(points));
+        EXPECT_EQ(r.points[0].frequency, 0);
+        EXPECT_FALSE(r.points[0].status.ok());
+        for (std::size_t i = 1; i < r.points.size(); ++i) EXPECT_TRUE(r.points[i].status.ok()) << r.points[i].frequency;
+        EXPECT_LE(test::worst_error(r, a.truth()), 10 * tolerance);
+      }
+}
+
+// Oscillators without damping beside each other, each in resonance at one of the first samples or of the frequencies
+// asked for: at either end, at both, in the middle, at all. Truth: their closed forms.
+TEST(HarmonicEdges, ResonancesAtSamples) {
+  constexpr double kFrom = 1, kTo = 9;
+  const std::vector<std::vector<double>> cases = {{1}, {9}, {1, 9}, {5}, {1, 5, 9}, {1, 2, 3, 4, 5, 6, 7, 8, 9}, {1, 1, 9}};
+  for (const std::vector<double>& at : cases) {
+    const auto n = static_cast<Eigen::Index>(at.size());
+    Case a{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Identity(n, n),
+           Eigen::MatrixXcd::Ones(n, 1)};
+    for (Eigen::Index i = 0; i < n; ++i) a.k(i, i) = std::pow(kTwoPi * at[static_cast<std::size_t>(i)], 2);
+    for (const bool modes : {true, false}) {
+      HarmonicOptions o = range(kFrom, kTo, 33, 1e-3);
+      o.seek_resonances = modes;
+      o.shapes_at = {1, 5};
+      const HarmonicResult r = a.response(o);
+      EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::singular)) << r.status.message;
+      EXPECT_GE(r.points.size(), 33U);
+      for (std::size_t i = 0; i < r.points.size(); ++i) {
+        const double f = r.points[i].frequency;
+        const bool resonant = std::find(at.begin(), at.end(), f) != at.end();
+        EXPECT_EQ(r.points[i].status.ok(), !resonant) << f;
+      }
+    }
+  }
+}
+
+// Two equal rows: singular at each frequency, by no pattern.
+TEST(HarmonicEdges, SingularEverywhere) {
+  Case a{Eigen::MatrixXd::Ones(2, 2), Eigen::MatrixXd::Zero(2, 2), Eigen::MatrixXd::Ones(2, 2), Eigen::MatrixXcd::Ones(2, 1)};
+  for (const double tolerance : {0.0, 1e-3})
+    for (const bool modes : {true, false}) {
+      HarmonicOptions o = range(0.5, 2, 11, tolerance);
+      o.seek_resonances = modes;
+      o.solver.kind = Kind::lu;
+      const HarmonicResult r = a.response(o);
+      EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::singular)) << r.status.message;
+      EXPECT_FALSE(r.complete);
+    }
+}
+
+// Ranges as short, as low and as high as numbers go, and shapes beside them: an answer or a message, and no more solves
+// than allowed.
+TEST(HarmonicEdges, RangesAtTheEdgesOfNumbers) {
+  const Case a = chain_case(5, 1e-3);
+  constexpr double kTiny = 1e-300, kHuge = 1e150;
+  const std::vector<std::pair<double, double>> ranges = {{0, kTiny}, {kTiny, 2 * kTiny}, {0.1, std::nextafter(0.1, 1.0)},
+                                                         {0.1, 0.1 * (1 + 1e-12)}, {0, kHuge}, {kHuge, 2 * kHuge},
+                                                         {0, 1e308}, {0, 1e6}};
+  for (const auto& [from, to] : ranges)
+    for (const double tolerance : {0.0, 1e-3}) {
+      HarmonicOptions o = range(from, to, 2, tolerance);
+      o.max_solves = 50;
+      o.shapes_at = {from, 0.2};
+      const HarmonicResult r = a.response(o);
+      EXPECT_LE(r.factorizations, 53) << from << " to " << to << ": " << r.status.message;
+      if (r.status.ok()) {
+        EXPECT_LE(test::worst_error(r, a.truth()), 0.1) << from << " to " << to;
+      } else {
+        EXPECT_FALSE(r.status.message.empty());
+      }
+    }
+}
+
+// As many points as are allowed, of many unknowns: more than the machine holds.
+TEST(HarmonicEdges, MorePointsThanMemory) {
+  const Case a = chain_case(3, 1e-3);
+  HarmonicOptions o = range(0.1, 1, 10'000'000, 1e-3);
+  o.solver.host_memory_bytes = Offset{1} << 24;
+  const HarmonicResult r = a.response(o);
+  EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::out_of_memory)) << r.status.message;
 }
 
 }  // namespace

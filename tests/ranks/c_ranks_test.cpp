@@ -239,6 +239,25 @@ TEST(CRanks, WrongArgumentsOfOneRank) {
   });
 }
 
+// Pointers that fall end the reading of their array, however long it is said to be; so does a table of functions that
+// is too short.
+TEST(CRanks, NoMoreIsReadThanCanBe) {
+  const ThreadRanks shared(1);
+  const COnRank solver(shared, 0);
+  const std::vector<std::int32_t> pointers = {0, 2, 1}, indices = {0, 0};
+  espalier_local_rows_i32 part{};
+  part.size = sizeof part;
+  part.n = INT32_MAX;
+  part.rows = std::int64_t{1} << 30;
+  part.pointers = pointers.data();
+  part.indices = indices.data();
+  EXPECT_EQ(espalier_analyze_rows_i32(solver, &part, nullptr), ESPALIER_MISUSE);
+  EXPECT_NE(solver.error().find("the pointers fall"), std::string::npos) << solver.error();
+  const std::vector<std::size_t> short_table = {sizeof(std::size_t)};
+  EXPECT_EQ(espalier_use_ranks(solver, reinterpret_cast<const espalier_rank_functions*>(short_table.data()), 20),
+            ESPALIER_MISUSE);
+}
+
 // A program that was compiled before there were complex numbers.
 TEST(CRanks, APartWithoutNumbersIsReal) {
   const SparseMatrix a = both_triangles();

@@ -89,6 +89,10 @@ TEST(CSchur, MisuseIsSaid) {
   for (const int64_t* list : {beyond, huge, below})
     EXPECT_EQ(espalier_schur_analyze_i32(h.schur, &m.a, list, 1, nullptr), ESPALIER_INVALID_INPUT);
   EXPECT_NE(std::string(espalier_schur_last_error(h.schur)).find("run from 0 to 2"), std::string::npos);
+  const std::vector<int64_t> each_row = {1, 2, 3};  // a list of as many as there can be: what follows it is not read
+  for (const int64_t count : {int64_t{4}, int64_t{1} << 40, INT64_MAX})
+    EXPECT_EQ(espalier_schur_analyze_i32(h.schur, &m.a, each_row.data(), count, nullptr), ESPALIER_INVALID_INPUT);
+  EXPECT_NE(std::string(espalier_schur_last_error(h.schur)).find("matrix has 3 rows"), std::string::npos);
   const int64_t list[] = {1};
   ASSERT_EQ(espalier_schur_analyze_i32(h.schur, &m.a, list, 1, nullptr), ESPALIER_OK);
   EXPECT_EQ(espalier_schur_factorize(h.schur, m.values.data(), 6, nullptr), ESPALIER_MISUSE);

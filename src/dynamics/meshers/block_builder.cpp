@@ -5,7 +5,9 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/memory.hpp"
 #include "dynamics/elements/groups.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -63,8 +65,22 @@ Index BlockBuilder::inner_node(const Point& p) {
   return static_cast<Index>(mesh_.nodes.size()) - 1;
 }
 
+// Before any of it is taken: a part whose shape or numbers make far more elements than were thought of.
+void BlockBuilder::check_room(const std::array<int, 3>& divisions) const {
+  constexpr double kOfElement = 200;  // bytes of nodes, numbers and sets, at least
+  const double elements =
+      static_cast<double>(mesh_.element_count()) + 1.0 * divisions[0] * divisions[1] * divisions[2];
+  const Offset machine = matrix::machine_memory();
+  if (kOfElement * elements <= static_cast<double>(machine)) return;
+  throw Error(StatusCode::out_of_memory,
+              fmt::format("mesher '{}': {:.2g} elements do not fit into this machine's {}: take fewer divisions, "
+                          "unknowns, teeth or blades, or less extreme lengths",
+                          mesh_.name, elements, base::format_bytes(machine)));
+}
+
 void BlockBuilder::add(const std::array<int, 3>& divisions, const BlockMap& map, const std::string& set,
                        const std::vector<NamedSide>& sides) {
+  check_room(divisions);
   const std::array<int, 3> steps = {2 * divisions[0] + 1, 2 * divisions[1] + 1, 2 * divisions[2] + 1};
   std::vector<Index> grid(
       static_cast<std::size_t>(steps[0]) * static_cast<std::size_t>(steps[1]) * static_cast<std::size_t>(steps[2]), -1);

@@ -42,6 +42,7 @@ class BlockBuilder {
 
   /// Adds divisions[0] x divisions[1] x divisions[2] elements; they join the element set `set`. Neighbouring blocks
   /// must place the same nodes on their common side (same divisions, same points).
+  /// @throws Error(out_of_memory) where the machine does not hold the mesh
   void add(const std::array<int, 3>& divisions, const BlockMap& map, const std::string& set,
            const std::vector<NamedSide>& sides = {});
 
@@ -50,6 +51,7 @@ class BlockBuilder {
   Mesh finish();
 
  private:
+  void check_room(const std::array<int, 3>& divisions) const;
   Index node(const Point& p);
   Index inner_node(const Point& p);
 

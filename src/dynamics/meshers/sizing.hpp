@@ -11,7 +11,9 @@ namespace espalier::dynamics {
 
 /// Elements along a length, at least `smallest`.
 inline int divisions(double length, double element_size, int smallest = 1) {
-  return std::max(smallest, static_cast<int>(std::lround(length / element_size)));
+  constexpr double kMost = 1e9;  // BlockBuilder refuses so many
+  const double number = std::round(length / element_size);
+  return number > smallest ? static_cast<int>(std::min(number, kMost)) : smallest;  // NaN: smallest
 }
 
 /// Calls build(element_size) with sizes corrected by the cube root of the ratio of unknowns until the wish is met

@@ -13,14 +13,25 @@
 namespace espalier::dynamics::model {
 namespace {
 
-/// Whether a name fits a pattern in which * stands for any letters.
+/// Whether a name fits a pattern in which * stands for any letters. Where letters do not fit, the last * takes one more:
+/// an earlier one need not (at most name times pattern steps).
 bool fits_pattern(std::string_view name, std::string_view pattern) {
-  if (pattern.empty()) return name.empty();
-  if (pattern.front() != '*')
-    return !name.empty() && name.front() == pattern.front() && fits_pattern(name.substr(1), pattern.substr(1));
-  for (std::size_t k = 0; k <= name.size(); ++k)
-    if (fits_pattern(name.substr(k), pattern.substr(1))) return true;
-  return false;
+  constexpr std::size_t kNone = std::string_view::npos;
+  std::size_t n = 0, p = 0, star = kNone, taken = 0;  // the last *, and up to where it takes letters of the name
+  while (n < name.size()) {
+    if (p < pattern.size() && pattern[p] == '*') {
+      star = p++;
+      taken = n;
+    } else if (p < pattern.size() && pattern[p] == name[n]) {
+      ++n, ++p;
+    } else if (star != kNone) {
+      p = star + 1;
+      n = ++taken;
+    } else {
+      return false;
+    }
+  }
+  return pattern.find_first_not_of('*', p) == kNone;
 }
 
 class SurfaceBuilder {
@@ -50,7 +61,7 @@ class SurfaceBuilder {
       if (any) continue;
       std::vector<std::string> names;
       for (const SurfaceSpec& s : model_.surfaces) names.push_back(s.name);
-      fail(place, fmt::format("there is no surface '{}' in [surfaces]{}", pattern, suggestion(pattern, names)));
+      fail(place, fmt::format("there is no surface '{}' in [surfaces]{}", excerpt(pattern), suggestion(pattern, names)));
     }
     return found;
   }

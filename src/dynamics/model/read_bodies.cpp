@@ -290,7 +290,7 @@ class BodyReader {
   }
   static RotorShape read_rotor(Section& s) {
     RotorShape r;
-    r.blades = s.integer("blades", 2, r.blades);
+    r.blades = s.integer("blades", 2, r.blades, kMostTeeth);
     lengths(s, {{"bore_radius", &r.bore_radius},
                 {"shaft_radius", &r.shaft_radius},
                 {"disc_radius", &r.disc_radius},
@@ -311,15 +311,13 @@ class BodyReader {
                 {"thickness", &t.shape.thickness},
                 {"opening", &t.shape.opening}});
     constexpr int kMostSectors = 1000;
-    t.shape.sectors = s.integer("sectors", 3, t.shape.sectors);
-    if (t.shape.sectors > kMostSectors) fail(s.place("sectors"), fmt::format("must not be above {}", kMostSectors));
+    t.shape.sectors = s.integer("sectors", 3, t.shape.sectors, kMostSectors);
     read_divisions(s, t.divisions);
     return t;
   }
   static GearMesh read_gear(Section& s) {
     GearMesh g;
-    g.shape.teeth = s.integer("teeth", 6, g.shape.teeth);
-    if (g.shape.teeth > kMostTeeth) fail(s.place("teeth"), fmt::format("must not be above {}", kMostTeeth));
+    g.shape.teeth = s.integer("teeth", 6, g.shape.teeth, kMostTeeth);
     lengths(s, {{"module", &g.shape.module},
                 {"pressure_angle", &g.shape.pressure_angle},
                 {"width", &g.shape.width},
@@ -335,9 +333,7 @@ class BodyReader {
   static constexpr int kMostTeeth = 100000;
 
   static Index elements(Section& s, const std::string& key, int otherwise) {
-    const int number = s.integer(key, 1, otherwise);
-    if (number > kMostElements) fail(s.place(key), fmt::format("must not be above {:g}", kMostElements));
-    return static_cast<Index>(number);
+    return static_cast<Index>(s.integer(key, 1, otherwise, static_cast<int>(kMostElements)));
   }
 
   CableSpec read_cable(Section& s) const {

@@ -134,7 +134,8 @@ HarmonicSpec read_harmonic(Section s, const Description& model) {
   out.quantities = s.texts("quantities");
   if (s.has("shapes")) o.shapes_at = s.numbers("shapes");
   check_rising(o.shapes_at, s.place("shapes"), false);
-  out.phases = s.integer("phases", 1, out.phases);
+  constexpr int kMostPhases = 10000;  // pictures of a period, all in memory at once
+  out.phases = s.integer("phases", 1, out.phases, kMostPhases);
   s.finish();
   for (const HarmonicSpec::Load& load : out.loads)
     for (const HarmonicSpec::Part& part : load.parts) check_part(part, model);

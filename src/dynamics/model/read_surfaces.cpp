@@ -22,6 +22,9 @@ Mat3 read_surface_axes(Section& s, const std::string& key) {
   return axes_along(s.vector(key), s.place(key));
 }
 
+constexpr int kMostTeeth = 10000;     // each takes about 100 triangles
+constexpr int kMostDivisions = 1000;  // of an element, each with five points
+
 SurfaceSpec read_surface(const std::string& name, const Value& value, const std::string& folder) {
   Section s(value);
   SurfaceSpec out;
@@ -37,7 +40,7 @@ SurfaceSpec read_surface(const std::string& name, const Value& value, const std:
   if (kind == 8) {
     LineSurface line;
     line.radius = s.positive("radius");
-    line.divisions = s.integer("divisions", 1, line.divisions);
+    line.divisions = s.integer("divisions", 1, line.divisions, kMostDivisions);
     out.shape = line;
     s.finish();
     return out;
@@ -45,7 +48,7 @@ SurfaceSpec read_surface(const std::string& name, const Value& value, const std:
   out.point = s.vector("point", Vec3::Zero());
   if (kind == 7) {
     contact::SprocketShape sprocket;
-    sprocket.teeth = s.integer("teeth", 6, sprocket.teeth);
+    sprocket.teeth = s.integer("teeth", 6, sprocket.teeth, kMostTeeth);
     sprocket.pitch = s.positive("pitch");
     sprocket.roller_radius = s.positive("roller_radius");
     sprocket.width = s.positive("width");

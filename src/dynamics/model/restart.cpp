@@ -171,7 +171,7 @@ void take_restart_bytes(std::string_view bytes, const std::string& name, Mechani
 
 std::vector<std::string> read_restart(const std::string& path, bool accept_changes, Mechanism& mechanism,
                                       Integrator& integrator) {
-  const matrix::FileBytes bytes(path);
+  const matrix::FileBytes bytes(path, kAnyFormat);
   const RestartFile file("restart file " + path, bytes.bytes());
   std::vector<std::string> accepted = file.compare(mechanism, accept_changes);
   file.take_up(mechanism, integrator);

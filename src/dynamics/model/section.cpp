@@ -77,12 +77,15 @@ double Section::positive(const std::string& key, double otherwise) {
   return get(key) == nullptr ? otherwise : positive(key);
 }
 
-int Section::integer(const std::string& key, int least, int otherwise) {
+int Section::integer(const std::string& key, int least, int otherwise, int most) {
   const Value* value = get(key);
   if (value == nullptr) return otherwise;
   const double result = to_number(*value);
-  if (result != std::floor(result) || result < least || result > 2e9)
-    fail(value->place, fmt::format("must be a whole number of at least {}, not {}", least, number_text(result)));
+  if (result != std::floor(result) || result < least || result > most)
+    fail(value->place, fmt::format("must be a whole number {}, not {}",
+                                   most == kMostInteger ? fmt::format("of at least {}", least)
+                                                        : fmt::format("from {} to {}", least, most),
+                                   number_text(result)));
   return static_cast<int>(result);
 }
 

@@ -19,6 +19,7 @@ namespace espalier::dynamics::model {
 class Section {
  public:
   explicit Section(const Value& table);
+  static constexpr int kMostInteger = 2'000'000'000;
 
   [[nodiscard]] const Place& place() const { return table_->place; }
   /// Place of a key's value; of the table where the key is missing.
@@ -31,7 +32,8 @@ class Section {
   /// > 0
   [[nodiscard]] double positive(const std::string& key);
   [[nodiscard]] double positive(const std::string& key, double otherwise);
-  [[nodiscard]] int integer(const std::string& key, int least, int otherwise);
+  /// @param most  to be given where the number sets how much memory is taken
+  [[nodiscard]] int integer(const std::string& key, int least, int otherwise, int most = kMostInteger);
   [[nodiscard]] bool flag(const std::string& key, bool otherwise);
   [[nodiscard]] std::string text(const std::string& key);
   [[nodiscard]] std::string text(const std::string& key, const std::string& otherwise);

@@ -4,6 +4,7 @@
 #include <new>
 #include <stdexcept>
 
+#include "base/output_file.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/runner.hpp"
@@ -69,6 +70,8 @@ Status Simulation::load_text(const std::string& text, const std::string& name) {
   impl_->runner.reset();
   impl_->summary = {};
   return impl_->guard([&] {
+    for (const std::string* folder : {&impl_->options.out, &impl_->options.dump, &impl_->options.analyses})
+      base::check_path(*folder);
     Value root = dynamics::model::parse_toml(text, name);
     dynamics::model::expand(root, impl_->options.set);
     impl_->runner =
