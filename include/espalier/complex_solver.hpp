@@ -24,8 +24,8 @@ struct ComplexFactorResult : FactorReport {
   /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest
   /// part of each 1 in magnitude.
   std::vector<std::complex<double>> null_vectors;
-  /// lu: vectors w with A^T w = 0, likewise. Of a symmetric matrix they are the null vectors, of a Hermitian one their
-  /// conjugates.
+  /// Vectors w with A^T w = 0, likewise: of a Hermitian matrix the conjugates of the null vectors. Empty for a
+  /// symmetric one, where they are the same.
   std::vector<std::complex<double>> left_null_vectors;
 };
 

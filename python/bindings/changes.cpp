@@ -76,7 +76,11 @@ class SchurHandle {
     SchurResult r;
     Status status;
     released(turns_, [&] {
-      if (analyze) status = schur_.analyze(view, {unknowns.data(), unknowns.size()}).status;
+      if (analyze || !analyzed_) {
+        analyzed_ = false;  // also where it is interrupted
+        status = schur_.analyze(view, {unknowns.data(), unknowns.size()}).status;
+        analyzed_ = status.ok();
+      }
       if (status.ok()) r = schur_.factorize(view.values);
       if (status.ok()) status = r.status;
     });
@@ -85,40 +89,46 @@ class SchurHandle {
                           inertia_of(r.rest.inertia), r.rest.rank, nb::cast(r.rest.dependent_rows));
   }
   nb::object complement() {
-    const std::span<const double> s = schur_.complement();
+    const std::span<const double> s = factorized().complement();
     const std::size_t size = unknowns();
     return array_of(std::vector<double>(s.begin(), s.end()), {size, size});  // the transpose, by rows
   }
   nb::tuple condense(const Values& b, Index columns, bool transpose) {
     std::vector<double> g(unknowns() * static_cast<std::size_t>(columns));
     SolveResult r;
-    released(turns_, [&] { r = schur_.condense(span_of(b), g, columns, way(transpose)); });
+    released(turns_, [&] { r = factorized().condense(span_of(b), g, columns, way(transpose)); });
     return solved(r, array_of(std::move(g), {static_cast<std::size_t>(columns), unknowns()}));
   }
   nb::tuple expand(const Values& b, const Values& xs, Index columns, bool transpose) {
     std::vector<double> x(b.size());
     SolveResult r;
-    released(turns_, [&] { r = schur_.expand(span_of(b), span_of(xs), x, columns, way(transpose)); });
+    released(turns_, [&] { r = factorized().expand(span_of(b), span_of(xs), x, columns, way(transpose)); });
     return solved(r, array_of(std::move(x), {static_cast<std::size_t>(columns), static_cast<std::size_t>(n_)}));
   }
   nb::tuple solve(const Values& b, Index columns, bool transpose) {
     std::vector<double> x(b.size());
     SolveResult r;
-    released(turns_, [&] { r = schur_.solve(span_of(b), x, columns, way(transpose)); });
+    released(turns_, [&] { r = factorized().solve(span_of(b), x, columns, way(transpose)); });
     return solved(r, array_of(std::move(x), {static_cast<std::size_t>(columns), static_cast<std::size_t>(n_)}));
   }
   nb::tuple inertia() {
     SchurInertia i;
-    released(turns_, [&] { i = schur_.inertia(); });
+    released(turns_, [&] { i = factorized().inertia(); });
     return nb::make_tuple(status_of(i.status), inertia_of(i.rest), inertia_of(i.complement));
   }
 
  private:
   static Transpose way(bool transpose) { return transpose ? Transpose::yes : Transpose::no; }
   [[nodiscard]] std::size_t unknowns() const { return static_cast<std::size_t>(schur_.size()); }
+  SchurComplement& factorized() {
+    if (!schur_.factorized())
+      throw std::logic_error("there is no factorization: call factorize(A) with an A whose rest is regular");
+    return schur_;
+  }
 
   std::shared_ptr<Host> host_;
   SchurComplement schur_;
+  bool analyzed_ = false;
   Index n_ = 0;
   Turns turns_{"a solver was called from its own log handler"};
 };

@@ -8,8 +8,9 @@
 namespace espalier::python {
 
 nb::tuple fields(const AnalysisResult& r);
-/// @param transposed  whether the factored matrix is the transpose of the caller's; @param n  its unknowns
-nb::tuple fields(const AnyFactor& factor, bool transposed, Index n);
+/// @param by_rows  the caller's matrix is given by rows, of which the solver holds the transpose; @param n  its
+/// unknowns
+nb::tuple fields(const AnyFactor& factor, bool by_rows, Index n);
 nb::tuple fields(const SolveResult& r);
 
 }  // namespace espalier::python

@@ -1,12 +1,23 @@
+#include <new>
+#include <stdexcept>
+#include <string>
+#include <utility>
+
 #include "bindings.hpp"
 #include "espalier/types.hpp"
 
-// An Error that leaves C++ becomes espalier.Error by its status: _errors.py sets the function that makes one.
+// An Error that leaves C++ becomes espalier.Error by its status: _errors.py sets the function that makes one. What the
+// library says of a wrong call begins with the name of the call ("Solver::clone: ..."), as Python writes it.
 namespace {
 
 nanobind::object& maker() {
   static nanobind::object* the_maker = new nanobind::object();  // NOLINT: the interpreter ends before static objects do
   return *the_maker;
+}
+
+void set_error(PyObject* type, std::string text) {
+  for (std::size_t at = text.find("::"); at != std::string::npos; at = text.find("::", at)) text.replace(at, 2, ".");
+  PyErr_SetString(type, text.c_str());
 }
 
 }  // namespace
@@ -23,6 +34,14 @@ NB_MODULE(_core, m) {
       const espalier::Status& s = e.status();
       const nb::object error = maker()(static_cast<int>(s.code), s.message.c_str(), s.row);
       PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error.ptr())), error.ptr());
+    } catch (const std::bad_alloc&) {
+      set_error(PyExc_MemoryError, "out of memory: use a smaller system or a machine with more memory");
+    } catch (const std::length_error&) {
+      set_error(PyExc_MemoryError, "out of memory: an array would be larger than any machine's memory");
+    } catch (const std::invalid_argument& e) {
+      set_error(PyExc_ValueError, e.what());
+    } catch (const std::logic_error& e) {
+      set_error(PyExc_RuntimeError, e.what());
     }
   });
   espalier::python::bind_solver(m);

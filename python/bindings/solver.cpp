@@ -40,13 +40,15 @@ nb::tuple fields(const AnalysisResult& r) {
                         r.predicted_bytes, r.predicted_seconds, r.device);
 }
 
-nb::tuple fields(const AnyFactor& factor, bool transposed, Index n) {
+nb::tuple fields(const AnyFactor& factor, bool by_rows, Index n) {
   const FactorReport& r = factor.report;
-  const bool swapped = transposed && !r.dependent_columns.empty();
-  const auto& rows = swapped ? r.dependent_columns : r.dependent_rows;
-  const auto& columns = swapped || r.dependent_columns.empty() ? r.dependent_rows : r.dependent_columns;
-  const auto& right = swapped ? factor.left_null_vectors : factor.null_vectors;
-  const auto& left = swapped || factor.left_null_vectors.empty() ? factor.null_vectors : factor.left_null_vectors;
+  // What is empty is the same on both sides.
+  const auto& other_columns = r.dependent_columns.empty() ? r.dependent_rows : r.dependent_columns;
+  const auto& rows = by_rows ? other_columns : r.dependent_rows;
+  const auto& columns = by_rows ? r.dependent_rows : other_columns;
+  const auto& other_side = factor.left_null_vectors.empty() ? factor.null_vectors : factor.left_null_vectors;
+  const auto& right = by_rows ? other_side : factor.null_vectors;
+  const auto& left = by_rows ? factor.null_vectors : other_side;
   const std::size_t doubles = static_cast<std::size_t>(n) * (factor.complex ? 2 : 1);
   const nb::object sign = factor.complex ? nb::cast(factor.sign) : nb::cast(factor.sign.real());
   return nb::make_tuple(r.seconds, r.flops_per_second,
@@ -140,14 +142,14 @@ void bind_solver(nb::module_& m) {
              bool complex) {
             const Shape shape = shape_of(p, by_rows, storage, complex);
             const AnyFactor r = s.factorize(p, i, v, shape);
-            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), shape.n));
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.by_rows(), shape.n));
           },
           array("pointers"), array("indices"), array("values"), "by_rows"_a, "storage"_a, "complex"_a)
       .def(
           "refactorize",
           [](SolverHandle& s, const Values& v, Index n) {
             const AnyFactor r = s.refactorize(v);
-            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), n));
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.by_rows(), n));
           },
           array("values"), "n"_a)
       .def(
@@ -162,7 +164,7 @@ void bind_solver(nb::module_& m) {
           "refactorize_device",
           [](SolverHandle& s, std::uintptr_t values, Offset count, std::uintptr_t stream, Index n) {
             const AnyFactor r = s.refactorize_device(values, count, stream);
-            return nb::make_tuple(status_of(r.report.status), fields(r, s.transposed(), n));
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.by_rows(), n));
           },
           "values"_a, "count"_a, "stream"_a, "n"_a)
       .def(

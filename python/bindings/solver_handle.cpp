@@ -95,6 +95,7 @@ SolverHandle::SolverHandle(const SolverHandle& original, int threads)
     : options_(original.options_),
       host_(original.host_),
       single_(original.single_ && threads == 0),
+      by_rows_(original.by_rows_),
       transposed_(original.transposed_) {
   if (threads > 0) options_.threads = threads;
   if (original.solver_) solver_.emplace(original.solver_->clone(threads));
@@ -138,6 +139,7 @@ AnalysisResult SolverHandle::analyze(const Pointers& pointers, const Indices& in
   const Values* given = values ? &*values : nullptr;
   return call([&] {
     make_solver(static_cast<Offset>(indices.size()), shape.complex);
+    by_rows_ = shape.by_rows;
     transposed_ = shape.by_rows && shape.storage == Storage::general;
     if (shape.complex) return complex_solver_->analyze(complex_view_of(pointers, indices, given, shape));
     return solver_->analyze(view_of(pointers, indices, given, shape));
@@ -149,6 +151,7 @@ ChangeResult SolverHandle::analyze_change(const Pointers& pointers, const Indice
   const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
   return call([&] {
     Solver& s = analyzed();
+    by_rows_ = shape.by_rows;
     transposed_ = shape.by_rows && shape.storage == Storage::general;
     return s.analyze_change(view);
   });
@@ -159,6 +162,7 @@ AnalysisResult SolverHandle::load_analysis(const std::string& path, const Pointe
   const Values* given = values ? &*values : nullptr;
   return call([&] {
     make_solver(static_cast<Offset>(indices.size()), shape.complex);
+    by_rows_ = shape.by_rows;
     transposed_ = shape.by_rows && shape.storage == Storage::general;
     if (shape.complex) return complex_solver_->load_analysis(path, complex_view_of(pointers, indices, given, shape));
     return solver_->load_analysis(path, view_of(pointers, indices, given, shape));

@@ -101,8 +101,9 @@ class SolverHandle {
     });
   }
 
-  /// Whether the C++ solver holds the transpose of the caller's matrix.
-  [[nodiscard]] bool transposed() const { return transposed_; }
+  /// Whether the caller's matrix is given by rows: the C++ solver holds its transpose, which is the matrix itself where
+  /// it is symmetric, and its conjugate where it is Hermitian.
+  [[nodiscard]] bool by_rows() const { return by_rows_; }
 
  private:
   SolverHandle(const SolverHandle& original, int threads);
@@ -120,7 +121,8 @@ class SolverHandle {
   std::optional<ComplexSolver> complex_solver_;
   std::uint64_t generation_ = 0;
   bool single_ = false;      // it has one thread because its system was small
-  bool transposed_ = false;  // it holds A^T
+  bool by_rows_ = false;     // it holds A^T ...
+  bool transposed_ = false;  // ... of a matrix in general storage: solves turn it
   bool closed_ = false;
   Turns turns_{"a solver was called from its own log handler"};
 };

@@ -5,22 +5,20 @@ import warnings
 from dataclasses import dataclass
 from typing import Any, Iterable
 
-from . import _core
+from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._results import Inertia, Solve, _Table
-from ._solver import _STORAGE, Solver, _arrays, _finite, _indices, _numbers, _text
+from ._solver import _STORAGE, Solver, _arrays, _finite, _indices, _numbers
 
 
 def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
     """(indptr, indices, data, storage, order) of compressed columns; order: of the caller's data, or None where it is that."""
     import numpy as np
 
-    if symmetry not in _STORAGE:
-        raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
+    storage = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]
     pointers, indices, values, by_rows = _arrays(A)
     if values is None:
         raise ValueError("the matrix has no values, only a pattern")
-    storage = _STORAGE[symmetry]
     if not by_rows:
         return pointers, indices, values, storage, None
     if storage in (1, 2, 3):  # rows of a symmetric matrix are its columns; those of a triangle are those of the other one
@@ -33,14 +31,14 @@ def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
     return columns, rows[order], np.ascontiguousarray(values[order]), storage, order
 
 
-def _columns(b: Any, rows: int, what: str) -> "tuple[Any, int]":
-    """`b` of shape (rows,) or (rows, k) as one vector, column by column."""
+def _columns(b: Any, rows: int, what: str) -> "tuple[Any, int, bool]":
+    """`b` of shape (rows,) or (rows, k) as one vector, column by column; k; whether it is a vector already."""
     import numpy as np
 
     b = _numbers(b, what)
     if b.ndim not in (1, 2) or b.shape[0] != rows or b.size == 0:
         raise ValueError(f"{what} of shape {b.shape}: give ({rows},) or ({rows}, k)")
-    return np.ascontiguousarray(b.T).reshape(-1), 1 if b.ndim == 1 else b.shape[1]
+    return np.ascontiguousarray(b.T).reshape(-1), 1 if b.ndim == 1 else b.shape[1], b.ndim == 1
 
 
 def _checked(status: "tuple[int, str, int]") -> None:
@@ -48,10 +46,6 @@ def _checked(status: "tuple[int, str, int]") -> None:
         warnings.warn(AccuracyWarning(status[1]), stacklevel=4)
     elif status[0] != 0:
         raise make_error(*status)
-
-
-def _texts(options: "dict[str, Any]") -> "list[tuple[str, str]]":
-    return [(key, _text(value)) for key, value in options.items()]
 
 
 class SchurComplement:
@@ -68,7 +62,7 @@ class SchurComplement:
                  **options: Any) -> None:
         self._symmetry = symmetry
         self.unknowns = _indices(unknowns, "unknowns", 2**31 - 1, "int32")
-        self._core = _core.SchurComplement(_texts(options), (log or logging.getLogger("espalier")).debug)
+        self._core = _core.SchurComplement(_checks.options(options), _checks.lines_of(log))
         self._n, self._pattern = 0, None  # type: ignore[var-annotated]
         self.last_solve: "Solve | None" = None
         self.factorize(A)
@@ -81,11 +75,12 @@ class SchurComplement:
         known = (self._pattern is not None and np.array_equal(self._pattern[0], pointers)
                  and np.array_equal(self._pattern[1], indices))
         given = (pointers, indices, values, storage, self.unknowns)
+        self._pattern, self._n = None, len(pointers) - 1
         answer = self._core.factorize(*given, not known)
         if known and answer[0][0] == 2 and _finite(values):  # no longer symmetric
             answer = self._core.factorize(*given, True)
+        self._pattern = pointers.copy(), indices.copy()
         status, self.seconds, self.complement_seconds, self.by_elimination, rest, self.rank, self.dependent_rows = answer
-        self._n, self._pattern = len(pointers) - 1, (pointers.copy(), indices.copy())
         self.rest_inertia = Inertia(*rest)
         if status[0]:
             raise make_error(*status)
@@ -110,52 +105,56 @@ class SchurComplement:
 
     def condense(self, b: Any, *, transpose: bool = False) -> Any:
         """g = b_s - A_sr A_rr^-1 b_r, of shape (size,) or (size, k)."""
-        flat, columns = _columns(b, self._n, "b")
-        return self._take(self._core.condense(flat, columns, transpose), getattr(b, "ndim", 1) == 1)
+        flat, columns, one = _columns(b, self._n, "b")
+        return self._take(self._core.condense(flat, columns, bool(_checks.transposition(transpose))), one)
 
     def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> Any:
         """x with x_r = A_rr^-1 (b_r - A_rs x_s), of the shape of b."""
-        flat, columns = _columns(b, self._n, "b")
-        of_list, same = _columns(xs, len(self.unknowns), "xs")
+        flat, columns, one = _columns(b, self._n, "b")
+        of_list, same, _ = _columns(xs, len(self.unknowns), "xs")
         if columns != same:
             raise ValueError(f"b has {columns} columns, xs has {same}")
-        return self._take(self._core.expand(flat, of_list, columns, transpose), getattr(b, "ndim", 1) == 1)
+        return self._take(self._core.expand(flat, of_list, columns, bool(_checks.transposition(transpose))), one)
 
     def solve(self, b: Any, *, transpose: bool = False) -> Any:
         """x with A x = b, by way of S. Raises SingularMatrixError where S is singular."""
-        flat, columns = _columns(b, self._n, "b")
-        return self._take(self._core.solve(flat, columns, transpose), getattr(b, "ndim", 1) == 1)
+        flat, columns, one = _columns(b, self._n, "b")
+        return self._take(self._core.solve(flat, columns, bool(_checks.transposition(transpose))), one)
 
 
 class ChangedSystem:
     """Rows and columns around the factor of a Solver: constraints that come and go, unknowns that are removed, A + U C V^T.
 
     Unknowns keep their numbers: 0 to n - 1 are those of A, added ones follow. No analysis or factorization is made anew.
-    The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError. A general matrix must have
-    been given by columns (A.tocsc()).
+    The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError until reset(). A general
+    matrix must have been given by columns (A.tocsc()).
     """
 
     def __init__(self, solver: Solver) -> None:
+        if not isinstance(solver, Solver):
+            raise TypeError(f"solver is {_checks.shown(solver)}; it must be an espalier.Solver")
         if solver.factor is None:
             raise RuntimeError("there is no factorization: call solver.factorize(A) first")
-        if solver._by_rows and solver._storage == 0:
+        if solver._complex:
+            raise TypeError("the solver has a complex matrix; changes are made around real ones")
+        assert solver.analysis is not None
+        if solver._by_rows and solver._storage == 0 and solver.analysis.kind == "lu":
             raise ValueError("the solver has a general matrix by rows: give it A.tocsc()")
-        self._n = solver._n
+        self._solver, self._n = solver, solver._n
         self._core = _core.ChangedSystem(solver._core)
         self.last_solve: "Solve | None" = None
+
+    def reset(self) -> None:
+        """Forgets all changes, and takes the factor that the solver has now."""
+        self.__init__(self._solver)  # type: ignore[misc]
 
     def __len__(self) -> int:
         """Unknowns, added and removed ones among them."""
         return int(self._core.size)
 
     def _block(self, a: Any, what: str) -> "tuple[Any, int]":
-        import numpy as np
-
-        if a is None:
-            return np.empty(0), 0
-        if hasattr(a, "toarray"):
-            a = a.toarray()
-        return _columns(a, self._n, what)
+        """`a` of shape (n,) or (n, k) as one vector, column by column; k."""
+        return _columns(a.toarray() if hasattr(a, "toarray") else a, self._n, what)[:2]
 
     @staticmethod
     def _square(a: Any, size: int, what: str) -> Any:
@@ -171,19 +170,23 @@ class ChangedSystem:
     def add(self, columns: Any, rows: Any = None, corner: Any = None) -> None:
         """Adds k unknowns and equations. columns: (n,) or (n, k), how the equations of A depend on them. rows: (k, n), how
         theirs depend on the unknowns of A; None: columns.T. corner: (k, k), zeros by default."""
+        import numpy as np
+
         u, count = self._block(columns, "columns")
+        w = np.empty(0)
         if rows is not None:
-            rows = rows.T if getattr(rows, "ndim", 1) == 2 else rows
-        w, same = self._block(rows, "rows")
-        if rows is not None and same != count:
-            raise ValueError(f"{count} columns, but {same} rows")
+            w, same = self._block(rows.toarray().T if hasattr(rows, "toarray") else np.transpose(rows), "rows")
+            if same != count:
+                raise ValueError(f"{count} columns, but {same} rows")
         _checked(self._core.add(u, count, w, self._square(corner, count, "corner")))
 
     def add_low_rank(self, U: Any, C: Any = None, V: Any = None) -> None:
         """A + U C V^T. U, V: (n,) or (n, k); V: U by default. C: (k, k), the identity by default."""
+        import numpy as np
+
         u, rank = self._block(U, "U")
-        v, same = self._block(V, "V")
-        if V is not None and same != rank:
+        v, same = (np.empty(0), rank) if V is None else self._block(V, "V")
+        if same != rank:
             raise ValueError(f"U has {rank} columns, V has {same}")
         _checked(self._core.add_low_rank(u, rank, self._square(C, rank, "C"), v))
 
@@ -198,11 +201,11 @@ class ChangedSystem:
     def solve(self, b: Any) -> Any:
         """x of the shape of b, (len(self),) or (len(self), k). Raises SingularMatrixError where the changed matrix is
         singular; warns AccuracyWarning."""
-        flat, columns = _columns(b, len(self), "b")
+        flat, columns, one = _columns(b, len(self), "b")
         status, x, figures = self._core.solve(flat, columns)
         self.last_solve = Solve(*figures)
         _checked(status)
-        return x[0] if getattr(b, "ndim", 1) == 1 else x.T
+        return x[0] if one else x.T
 
     @property
     def inertia(self) -> Inertia:
@@ -232,6 +235,13 @@ def _errors_of(status: Any, statuses: Any, check: bool) -> "dict[int, Exception]
     return errors
 
 
+def _pair(given: Any) -> "tuple[Any, Any]":
+    pair = _checks.items(given, "a system")
+    if len(pair) != 2:
+        raise TypeError(f"{len(pair)} things in the place of a pair (A, b)")
+    return pair[0], pair[1]
+
+
 def solve_systems(systems: "Iterable[tuple[Any, Any]]", *, symmetry: str = "auto", transpose: bool = False, check: bool = True,
                   log: "logging.Logger | None" = None, **options: Any) -> BatchSolve:
     """Many small systems of patterns of their own: pairs (A, b), A as for Solver on the host, b of shape (n,) or (n, k).
@@ -241,22 +251,21 @@ def solve_systems(systems: "Iterable[tuple[Any, Any]]", *, symmetry: str = "auto
     import numpy as np
 
     matrices, flat, columns, shapes = [], [], [], []
-    for k, pair in enumerate(systems):
+    for k, pair in enumerate(_checks.items(systems, "systems")):
         try:
-            A, b = pair
+            A, b = _pair(pair)
             matrix = _by_columns(A, symmetry)[:4]
-            vector, count = _columns(b, len(matrix[0]) - 1, "b")
+            vector, count, _ = _columns(b, len(matrix[0]) - 1, "b")
         except (TypeError, ValueError) as error:
             raise ValueError(f"system {k}: {error}") from None
         matrices.append(matrix)
         flat.append(vector)
         columns.append(count)
         shapes.append(np.shape(b))
-    if not matrices:
-        raise ValueError("solve_systems: no system is given")
-    status, x, statuses, *rest = _core.solve_systems(matrices, np.concatenate(flat), columns, transpose, _texts(options),
-                                                     (log or logging.getLogger("espalier")).debug)
-    errors = _errors_of(status, statuses, check)
+    status, x, statuses, *rest = _core.solve_systems(matrices, np.concatenate([np.empty(0), *flat]), columns,
+                                                     bool(_checks.transposition(transpose)), _checks.options(options),
+                                                     _checks.lines_of(log))
+    errors = _errors_of(status, statuses, _checks.flag(check, "check"))
     parts = np.split(x, np.cumsum([len(v) for v in flat])[:-1])
     shaped = [p if len(s) == 1 else p.reshape(s[1], s[0]).T for p, s in zip(parts, shapes)]
     return BatchSolve(shaped, errors, *rest)
@@ -270,7 +279,7 @@ class Batch:
     """
 
     def __init__(self, A: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None, **options: Any) -> None:
-        self._core = _core.Batch(_texts(options), (log or logging.getLogger("espalier")).debug)
+        self._core = _core.Batch(_checks.options(options), _checks.lines_of(log))
         pointers, indices, values, storage, self._order = _by_columns(A, symmetry)
         self._n, self._nonzeros = len(pointers) - 1, len(indices)
         status = self._core.analyze(pointers, indices, values, storage)
@@ -294,7 +303,7 @@ class Batch:
             raise ValueError("b has no right-hand sides")
         flat = np.ascontiguousarray(b if b.ndim == 2 else b.transpose(0, 2, 1)).reshape(-1)
         status, x, statuses, *rest = self._core.solve(np.ascontiguousarray(values).reshape(-1), flat, len(values), columns,
-                                                      transpose)
-        errors = _errors_of(status, statuses, check)
+                                                      bool(_checks.transposition(transpose)))
+        errors = _errors_of(status, statuses, _checks.flag(check, "check"))
         shaped = x.reshape(b.shape) if b.ndim == 2 else x.reshape(len(values), columns, self._n).transpose(0, 2, 1)
         return BatchSolve(shaped, errors, *rest)

@@ -2,7 +2,7 @@
 
 from typing import Any, Callable, Iterable
 
-from . import _core
+from . import _checks, _core
 from ._errors import make_error
 
 _VECTORS = {"force": "coordinates", "residual": "coordinates", "constraint": "constraints",
@@ -26,11 +26,7 @@ def _real(x: Any, name: str) -> Any:
 
 def _number(name: str, value: Any) -> Any:
     """An option."""
-    if isinstance(value, (str, bytes)) or not hasattr(value, "__float__"):
-        raise TypeError(f"option {name}: {value!r} is no number")
-    if name in _WHOLE and float(value) != int(value):
-        raise ValueError(f"option {name}: {value!r} must be a whole number")
-    return float(value)
+    return float(_checks.whole(value, f"option {name}") if name in _WHOLE else _checks.real(value, f"option {name}"))
 
 
 def _vector(function: Callable[..., Any], name: str, size: int) -> Callable[..., Any]:
@@ -103,11 +99,9 @@ class Dae:
                  constraint_names: Iterable[str] = (), tangent_pattern: "Iterable[tuple[int, int]]" = (),
                  constraint_pattern: "Iterable[tuple[int, int]]" = (), method: str = "bdf",
                  solver: "dict[str, Any] | None" = None, **options: Any) -> None:
-        from ._solver import _text
-
-        if method not in ("bdf", "generalized-alpha"):
-            raise ValueError(f"method {method!r} is neither bdf nor generalized-alpha")
-        self._coordinates = coordinates
+        _checks.choice(method, "method", ("bdf", "generalized-alpha"))
+        self._coordinates = coordinates = _checks.whole(coordinates, "coordinates", 1)
+        constraints = _checks.whole(constraints, "constraints", 0, _checks.INDEX - coordinates)
         given = {"mass": mass, "force": force, "residual": residual, "tangent": tangent, "constraint": constraint,
                  "constraint_jacobian": constraint_jacobian, "constraint_rate": constraint_rate,
                  "constraint_gamma": constraint_gamma}
@@ -116,17 +110,18 @@ class Dae:
         for name, function in given.items():
             if function is None:
                 continue
+            _checks.function(function, name)
             if name in _VECTORS:
                 functions[name] = _vector(function, name, sizes[_VECTORS[name]])
             else:
                 functions[name] = _matrix(function, name, sizes[_MATRICES[name]], coordinates)
         if energy is not None:
-            functions["energy"] = _pair(energy)
+            functions["energy"] = _pair(_checks.function(energy, "energy"))
         self._core = _core.Dae(coordinates, constraints, functions,
                                {"generalized_alpha": method != "bdf", **{k: _number(k, v) for k, v in options.items()}},
-                               [(k, _text(v)) for k, v in (solver or {}).items()], list(constraint_names),
-                               [(int(i), int(j)) for i, j in tangent_pattern],
-                               [(int(i), int(j)) for i, j in constraint_pattern])
+                               _checks.options(solver or {}), _checks.texts(constraint_names, "constraint_names"),
+                               _checks.places(tangent_pattern, "tangent_pattern", coordinates, coordinates),
+                               _checks.places(constraint_pattern, "constraint_pattern", constraints, coordinates))
 
     def start(self, t: float, q: Any, v: Any) -> None:
         """Begins at time t with the nearest q and v, (n,) each, that satisfy the constraints."""
@@ -138,12 +133,13 @@ class Dae:
             if x.shape != (self._coordinates,):
                 raise ValueError(f"{name} has shape {x.shape}; it must be ({self._coordinates},)")
             given.append(np.ascontiguousarray(x, np.float64))
-        self._check(self._core.start(t, *given))
+        self._check(self._core.start(_checks.real(t, "t"), *given))
 
     def integrate(self, end: float, observer: "Callable[[float], Any] | None" = None) -> None:
         """Steps until exactly `end`; may be called again with a later one. observer: called with the time after every step;
         False ends the call."""
-        self._check(self._core.integrate(end, None if observer is None else lambda step: observer(step[1])))
+        call = None if observer is None else _checks.function(observer, "observer")
+        self._check(self._core.integrate(_checks.real(end, "end"), None if call is None else lambda step: call(step[1])))
 
     @staticmethod
     def _check(status: "tuple[int, str, int]") -> None:

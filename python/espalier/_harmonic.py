@@ -4,10 +4,10 @@ import logging
 from dataclasses import dataclass
 from typing import Any, Iterable, Mapping
 
-from . import _core
+from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._results import _Table
-from ._solver import _STORAGE, _arrays, _text
+from ._solver import _STORAGE, _arrays, _numbers
 
 _SINGULAR, _INACCURATE = 3, 7
 
@@ -99,15 +99,6 @@ def _fields(raw: "tuple[Any, ...]", one: bool) -> "list[Any]":
     return fields
 
 
-def _numbers(values: Any, what: str) -> "list[float]":
-    import numpy as np
-
-    found = np.asarray([] if values is None else values, dtype=float).reshape(-1)
-    if not np.all(np.isfinite(found)):
-        raise ValueError(f"{what}: frequencies are finite numbers")
-    return found.tolist()
-
-
 def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = None,
              between: "tuple[float, float] | None" = None, points: int = 101, logarithmic: bool = False,
              tolerance: float = 0.0, max_solves: int = 1000, seek_resonances: bool = True, loss_factor: float = 0.0,
@@ -130,14 +121,14 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
     (NaN) or the tolerance was not reached. Ctrl-C ends it with KeyboardInterrupt."""
     import numpy as np
 
-    if symmetry not in ("auto", "lower", "upper"):
-        raise ValueError(f"symmetry {symmetry!r} is none of auto, lower, upper")
+    _checks.choice(symmetry, "symmetry", ("auto", "lower", "upper"))
     for key in ("kind", "precision", "singular", "permutation"):
         if key in solver:
             raise ValueError(f"{key} has no meaning here: the sweep chooses it")
     if (frequencies is None) == (between is None):
         raise ValueError("give either frequencies, or between=(lowest, highest)")
-    if frequencies is not None and not _numbers(frequencies, "frequencies"):
+    listed = _checks.reals(frequencies, "frequencies")
+    if frequencies is not None and not listed:
         raise ValueError("frequencies is empty")
     arrays = []
     for name, a in (("K", K), ("C", M if C is None else C), ("M", M)):
@@ -147,22 +138,24 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
         if values is None:
             raise ValueError(f"{name} has no values, only a pattern")
         arrays += [pointers, indices, values]
-    f = np.asarray(loads)
+    f = _numbers(loads, "loads", True)
     n = len(arrays[0]) - 1
     if f.ndim not in (1, 2) or f.shape[0] != n or f.size == 0:
         raise ValueError(f"loads of shape {f.shape}: give ({n},), or ({n}, number of loads)")
     columns = np.asfortranarray(f, dtype=np.complex128).reshape(-1, order="F").view(np.float64)
-    low, high = (0.0, 0.0) if between is None else (float(between[0]), float(between[1]))
-    options = {"from": low, "to": high, "points": int(points), "logarithmic": bool(logarithmic),
-               "frequencies": _numbers(frequencies, "frequencies"), "tolerance": float(tolerance),
-               "max_solves": int(max_solves), "seek_resonances": bool(seek_resonances),
-               "loss_factor": float(loss_factor), "observed": [] if observed is None else [int(i) for i in observed],
-               "shapes_at": _numbers(shapes_at, "shapes_at")}
-    if observed is not None and not options["observed"]:
+    low, high = (0.0, 0.0) if between is None else _checks.interval(between, "between")
+    seen = [] if observed is None else _checks.items(observed, "observed")
+    options = {"from": low, "to": high, "points": _checks.whole(points, "points", 2),
+               "logarithmic": _checks.flag(logarithmic, "logarithmic"), "frequencies": listed,
+               "tolerance": _checks.real(tolerance, "tolerance"), "max_solves": _checks.whole(max_solves, "max_solves", 1),
+               "seek_resonances": _checks.flag(seek_resonances, "seek_resonances"),
+               "loss_factor": _checks.real(loss_factor, "loss_factor"),
+               "observed": [_checks.whole(v, f"observed[{k}]", 0, n - 1) for k, v in enumerate(seen)],
+               "shapes_at": _checks.reals(shapes_at, "shapes_at")}
+    if observed is not None and not seen:
         raise ValueError("observed is empty: name unknowns, or None for all")
     status, raw = _core.harmonic(*arrays, _STORAGE[symmetry], C is not None, columns, 1 if f.ndim == 1 else f.shape[1],
-                                 options, [(key, _text(value)) for key, value in solver.items()],
-                                 (log or logging.getLogger("espalier")).debug)
+                                 options, _checks.options(solver), _checks.lines_of(log))
     _told(status, raw, 3)
     return Harmonic(*_fields(raw, f.ndim == 1))
 
@@ -190,6 +183,6 @@ def model_harmonic(model: Any, keys: "Mapping[str, Any]", set: "Mapping[str, Any
     given = {**set, **{f"harmonic.{k}": v for k, v in keys.items()}}
     status, raw, quantities, loads, notices = _core.model_harmonic(
         model._path if model._path is not None else model.text, model._path is not None,
-        [f"{k}={_value(v, k)}" for k, v in given.items()], out, [(k, _text(v)) for k, v in solver.items()])
+        [f"{k}={_value(v, k)}" for k, v in given.items()], out, _checks.options(solver))
     _told(status, raw, 4)
     return ModelHarmonic(*_fields(raw, False), quantities, loads, notices)

@@ -5,10 +5,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from . import _core
+from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._results import _Table
-from ._solver import _STORAGE, _arrays, _text
+from ._solver import _STORAGE, _arrays
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,7 @@ def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger 
             solver: "dict[str, Any]") -> Modes:
     import warnings
 
-    if symmetry not in ("auto", "symmetric", "lower", "upper"):
-        raise ValueError(f"symmetry {symmetry!r} is none of auto, symmetric, lower, upper")
+    _checks.choice(symmetry, "symmetry", ("auto", "symmetric", "lower", "upper"))
     for key in ("kind", "precision", "singular", "permutation"):
         if key in solver:
             raise ValueError(f"{key} has no meaning here: modes choose it")
@@ -69,8 +68,7 @@ def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger 
     if len(storage) > 1:
         raise ValueError("K and M are triangles, one by rows and one by columns: convert one of them")
     status, fields = _core.find_modes(*arrays[0][:3], *arrays[1][:3], storage.pop(), buckling, given,
-                                      [(key, _text(value)) for key, value in solver.items()],
-                                      (log or logging.getLogger("espalier")).debug)
+                                      _checks.options(solver), _checks.lines_of(log))
     eigenvalues, vectors, *rest = fields
     found = Modes(eigenvalues, vectors.T, *rest)
     if status[0] == 7:
@@ -84,11 +82,12 @@ def _options(count: "int | None", below: "float | None", shift: "float | None", 
              check_mass: bool, block_size: int, basis_size: int, seed: int) -> "dict[str, Any]":
     if count is None and below is None:
         raise ValueError("nothing is asked for: give count, or below")
-    if count is not None and not 0 < int(count) < 2**31:
-        raise ValueError(f"count = {count}: give a number of modes from 1")
-    return {"count": 0 if count is None else int(count), "below": math.inf if below is None else float(below),
-            "shift": math.nan if shift is None else float(shift), "tolerance": float(tolerance), "prove": bool(prove),
-            "check_mass": bool(check_mass), "block_size": int(block_size), "basis_size": int(basis_size), "seed": int(seed)}
+    return {"count": 0 if count is None else _checks.whole(count, "count", 1),
+            "below": math.inf if below is None else _checks.real(below, "below"),
+            "shift": math.nan if shift is None else _checks.real(shift, "shift"),
+            "tolerance": _checks.real(tolerance, "tolerance"), "prove": _checks.flag(prove, "prove"),
+            "check_mass": _checks.flag(check_mass, "check_mass"), "block_size": _checks.whole(block_size, "block_size"),
+            "basis_size": _checks.whole(basis_size, "basis_size"), "seed": _checks.whole(seed, "seed", 0, 2**64 - 1)}
 
 
 def modes(K: Any, M: Any, count: "int | None" = None, *, below: "float | None" = None, shift: "float | None" = None,
@@ -160,8 +159,8 @@ def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | N
             raise ValueError(f"{name} has no values, only a pattern")
         arrays += [pointers, indices, values]
     status, eigenvalues, vectors, residuals, taken, columns = _core.find_quadratic_modes(
-        *arrays, 0, int(count), math.nan if shift is None else float(shift), float(tolerance), int(basis_size),
-        [(key, _text(value)) for key, value in solver.items()])
+        *arrays, 0, _checks.whole(count, "count", 1), math.nan if shift is None else _checks.real(shift, "shift"),
+        _checks.real(tolerance, "tolerance"), _checks.whole(basis_size, "basis_size"), _checks.options(solver))
     found = QuadraticModes(eigenvalues[..., 0] + 1j * eigenvalues[..., 1],
                            (vectors[..., 0] + 1j * vectors[..., 1]).T, residuals, taken, columns)
     if status[0] == 7:

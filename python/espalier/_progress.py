@@ -4,10 +4,14 @@ import sys
 import time
 from typing import Any
 
+from ._checks import flag
 
-def wanted() -> bool:
-    """Whether somebody can see it."""
-    return _notebook() or sys.stderr.isatty()
+
+def wanted(progress: Any = "auto") -> bool:
+    """Whether it is asked for: by True or False, or ("auto") where somebody can see it."""
+    if isinstance(progress, str) and progress == "auto":
+        return _notebook() or sys.stderr.isatty()
+    return flag(progress, "progress")
 
 
 def _notebook() -> bool:

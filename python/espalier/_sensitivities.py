@@ -1,10 +1,9 @@
 """Derivatives of simulations by parameters of their models."""
 
-import os
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
 
-from . import _core
+from . import _checks, _core
 from ._errors import make_error
 
 Parameters = "Iterable[str] | Mapping[str, float]"
@@ -68,12 +67,18 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
 
     import numpy as np
 
+    from ._solver import _numbers
+
+    _checks.function(objective, "objective")
+
     def told(t: Any, values: Any) -> "tuple[float, Any]":
-        value, slopes = objective(t, values)
-        slopes = np.array(slopes, dtype=np.float64)
+        answer = _checks.items(objective(t, values), "what objective returned")
+        if len(answer) != 2:
+            raise ValueError("objective must return a number and its derivatives by the values")
+        value, slopes = _checks.real(answer[0], "objective's number"), _numbers(answer[1], "objective's derivatives")
         if slopes.shape != values.shape:
             raise ValueError(f"objective: derivatives by the values have the shape {slopes.shape}, the values {values.shape}")
-        return float(value), slopes.ravel()
+        return value, np.ascontiguousarray(slopes).ravel()
 
     found = _run(model, parameters, set, until, quantities, "adjoint", told, solver)
     return found.value("objective"), found.gradient("objective")
@@ -82,21 +87,19 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
 def _run(model: Any, parameters: "Iterable[str] | Mapping[str, float]", set: "Mapping[str, Any] | None",
          until: "float | None", quantities: Iterable[str], method: str, objective: Any,
          solver: "Mapping[str, Any]") -> Derivatives:
-    from ._simulation import Model
-    from ._solver import _text
+    from ._simulation import model_of
     from ._toml import _value
 
-    if isinstance(quantities, str):
-        quantities = [quantities]
-    if isinstance(parameters, str):
-        parameters = [parameters]
-    steps = dict(parameters) if isinstance(parameters, Mapping) else {p: 0.0 for p in parameters}
-    if not isinstance(model, Model):
-        model = Model(model) if isinstance(model, Mapping) else Model.load(model)
+    if isinstance(parameters, Mapping):
+        steps = {p: _checks.real(s, f"parameters[{p!r}]") for p, s in _checks.mapping(parameters, "parameters").items()}
+    else:
+        steps = {p: 0.0 for p in _checks.texts(parameters, "parameters")}
+    model = model_of(model)
     status, found = _core.sensitivities(
-        model._path if model._path is not None else model.text, model._path is not None,
-        [(p, float(s)) for p, s in steps.items()], [f"{k}={_value(v, k)}" for k, v in (set or {}).items()], until,
-        list(quantities), [(k, _text(v)) for k, v in solver.items()], method, objective)
+        model._path if model._path is not None else model.text, model._path is not None, list(steps.items()),
+        [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()],
+        None if until is None else _checks.real(until, "until"), _checks.texts(quantities, "quantities"),
+        _checks.options(solver), _checks.choice(method, "method", ("auto", "forward", "adjoint")), objective)
     if status[0]:
         raise make_error(*status)
     return Derivatives(*found)

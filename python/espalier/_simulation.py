@@ -4,7 +4,7 @@ import os
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping, NamedTuple
 
-from . import _core
+from . import _checks, _core
 from ._errors import make_error
 from ._pictures import Cells, Frame, animation, grid, plotter
 from ._progress import Bar, wanted
@@ -29,9 +29,18 @@ Observer = Callable[[Step], Any]
 
 
 def _interval(frames: float) -> float:
-    if not 0 <= frames < float("inf"):
+    interval = _checks.real(frames, "frames")
+    if not 0 <= interval < float("inf"):
         raise ValueError(f"frames={frames!r}: it must be an interval of time, or 0 for every step")
-    return float(frames)
+    return interval
+
+
+def _told_of(observer: "Observer | None") -> "Callable[[Any], Any] | None":
+    """What the extension module calls after a step."""
+    if observer is None:
+        return None
+    call = _checks.function(observer, "observer")
+    return lambda step: call(Step(*step))
 
 
 class Model:
@@ -43,7 +52,7 @@ class Model:
 
     def __init__(self, tree: "Mapping[str, Any] | None" = None, **keys: Any) -> None:
         """tree, keys: at the top (gravity=[0, 0, -9.81], integrator={"end": 1})."""
-        self.tree: "dict[str, Any]" = {**(tree or {}), **keys}
+        self.tree: "dict[str, Any]" = {**_checks.mapping(tree, "tree"), **keys}
         self._text: "str | None" = None
         self._path: "str | None" = None
 
@@ -51,14 +60,14 @@ class Model:
     def load(cls, path: "str | os.PathLike[str]") -> "Model":
         """Of a model file, which is read by every run; mesh files are looked for beside it."""
         model = cls()
-        model._path = os.fsdecode(path)
+        model._path = _checks.path(path, "path")
         return model
 
     @classmethod
     def from_text(cls, text: str) -> "Model":
         """Of a model text; mesh files are looked for in the current folder."""
         model = cls()
-        model._text = text
+        model._text = _checks.text(text, "text")
         return model
 
     @property
@@ -72,7 +81,7 @@ class Model:
     def _add(self, section: str, name: str, keys: "dict[str, Any]") -> str:
         if self._path is not None or self._text is not None:
             raise TypeError("parts are added to a model of Python's, Model(); a text is changed by set={'path': value}")
-        parts = self.tree[section] = dict(self.tree.get(section, {}))
+        parts = self.tree[section] = dict(_checks.mapping(self.tree.get(section), section))
         if name in parts:
             raise ValueError(f"{section}.{name} is there already")
         parts[name] = keys
@@ -142,16 +151,26 @@ class Model:
         on a resonance without damping (NaN), or the tolerance was not reached."""
         from ._harmonic import model_harmonic
 
-        keys = {"loads": loads, "quantities": [quantities] if isinstance(quantities, str) else list(quantities) or None,
-                "frequencies": frequencies, "from": None if between is None else float(between[0]),
-                "to": None if between is None else float(between[1]), "points": points, "logarithmic": logarithmic,
+        low, high = (None, None) if between is None else _checks.interval(between, "between")
+        keys = {"loads": loads, "quantities": _checks.texts(quantities, "quantities") or None,
+                "frequencies": frequencies, "from": low, "to": high, "points": points, "logarithmic": logarithmic,
                 "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
-        return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, set or {}, os.fsdecode(out), solver)
+        return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
+                              _checks.path(out, "out"), solver)
 
     def __repr__(self) -> str:
         if self._path is not None:
             return f"<espalier.Model of {self._path}>"
         return f"<espalier.Model: {', '.join(self.tree) if self._text is None else f'{len(self._text)} characters'}>"
+
+
+def model_of(given: "Model | Mapping[str, Any] | str | os.PathLike[str]") -> Model:
+    """A model, that of a dictionary, or that in a file."""
+    if isinstance(given, Model):
+        return given
+    if isinstance(given, Mapping):
+        return Model(given)
+    return Model.load(_checks.path(given, "model"))
 
 
 @dataclass(frozen=True)
@@ -274,18 +293,15 @@ class Simulation:
                  out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
                  accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "",
                  frames: "float | None" = None, **solver: Any) -> None:
-        from ._solver import _text
         from ._toml import _value
 
-        if isinstance(quantities, str):
-            quantities = [quantities]
-        self._core = _core.Simulation([f"{k}={_value(v, k)}" for k, v in (set or {}).items()], os.fsdecode(out), until,
-                                      os.fsdecode(restart), accept_changes, list(quantities),
-                                      [(k, _text(v)) for k, v in solver.items()], os.fsdecode(analyses),
-                                      -1.0 if frames is None else _interval(frames))
+        self._core = _core.Simulation(
+            [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.path(out, "out"),
+            None if until is None else _checks.real(until, "until"), _checks.path(restart, "restart"),
+            _checks.flag(accept_changes, "accept_changes"), _checks.texts(quantities, "quantities"), _checks.options(solver),
+            _checks.path(analyses, "analyses"), -1.0 if frames is None else _interval(frames))
         self._frames = frames is not None
-        if not isinstance(model, Model):
-            model = Model(model) if isinstance(model, Mapping) else Model.load(model)
+        model = model_of(model)
         if model._path is not None:
             self._check(self._core.load(model._path, "", True))
         else:
@@ -308,32 +324,32 @@ class Simulation:
         """To the end. observer: called with a Step after every step; False (any false value but None) stops the run. progress: "auto" shows it in
         terminals and notebooks."""
         bar, begin, span = Bar(), self.time, self.end_time - self.time
-        if progress is False or (progress == "auto" and not wanted()):
-            tell = None if observer is None else lambda s: observer(Step(*s))
-        else:
-            def tell(s: Any) -> Any:
+        told = _told_of(observer)
+
+        def shown(s: Any) -> Any:
+            if bar.due():
                 step = Step(*s)
-                if bar.due():
-                    share = (step.t - begin) / span if 0 < span < float("inf") else None
-                    bar.show(share, f"t = {step.t:.6g}, step {step.index}")
-                return None if observer is None else observer(step)
+                share = (step.t - begin) / span if 0 < span < float("inf") else None
+                bar.show(share, f"t = {step.t:.6g}, step {step.index}")
+            return None if told is None else told(s)
+
         try:
-            self._check(self._core.run(tell))
+            self._check(self._core.run(shown if wanted(progress) else told))
         finally:
             bar.end()
         return self.result()
 
     def step_to(self, t: float, observer: "Observer | None" = None) -> None:
         """Steps until exactly t, an event that stops, or the observer's False."""
-        self._check(self._core.step_to(t, None if observer is None else lambda s: observer(Step(*s))))
+        self._check(self._core.step_to(_checks.real(t, "t"), _told_of(observer)))
 
     def step(self, dt: float) -> None:
         """step_to(time + dt)."""
-        self.step_to(self.time + dt)
+        self.step_to(self.time + _checks.real(dt, "dt"))
 
     def value(self, quantity: str) -> float:
         """A quantity of the present state. Raises ValueError for unknown ones."""
-        return self._core.value(quantity)
+        return self._core.value(_checks.text(quantity, "quantity"))
 
     __getitem__ = value
 
@@ -344,7 +360,7 @@ class Simulation:
 
     def set_input(self, name: str, value: float) -> None:
         """For the steps to come; also from the observer of a run."""
-        self._core.set_input(name, value)
+        self._core.set_input(_checks.text(name, "name"), _checks.real(value, "value"))
 
     @property
     def quantities(self) -> "dict[str, str]":
@@ -357,7 +373,11 @@ class Simulation:
 
     def restore(self, state: bytes) -> None:
         """Goes to a state of save(), of this or another simulation of the same model; what was kept of later steps goes."""
-        self._check(self._core.restore(bytes(memoryview(state))))
+        try:
+            content = bytes(memoryview(state))
+        except TypeError:
+            raise TypeError(f"state is {_checks.shown(state)}; it must be the bytes of save()") from None
+        self._check(self._core.restore(content))
 
     def result(self) -> Result:
         """What is known so far."""
@@ -404,8 +424,11 @@ def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "in
 
     from tempfile import TemporaryDirectory
 
-    fixed = dict(options.pop("set", None) or {})
-    points = [dict(zip(parameters, values)) for values in product(*parameters.values())]
+    fixed = dict(_checks.mapping(options.pop("set", None), "set"))
+    lists = {k: _checks.items(v, f"parameters[{k!r}]") for k, v in _checks.mapping(parameters, "parameters").items()}
+    points = [dict(zip(lists, values)) for values in product(*lists.values())]
+    if workers is not None:
+        workers = _checks.whole(workers, "workers", 1, 4096)
     with TemporaryDirectory(prefix="espalier-") as folder:
         jobs = [(model, {**fixed, **p}, {"threads": 1, "analyses": folder, **options}) for p in points]
         if workers == 1 or len(jobs) < 2:

@@ -5,7 +5,7 @@ import os
 import warnings
 from typing import Any
 
-from . import _core, _device
+from . import _checks, _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
 from ._progress import UNWATCHED, Unwatched, Watch, wanted
 from ._results import Analysis, Change, Factor, Inertia, Solve
@@ -21,6 +21,8 @@ def _numbers(a: Any, what: str, complex_too: bool = False) -> Any:
 
     if type(a) is not np.ndarray:
         a = _plain(a, what)
+    if not a.flags.aligned:
+        a = a.copy()
     if complex_too and a.dtype.kind == "c" and a.dtype.itemsize <= 16:
         return a.astype(np.complex128, copy=False)
     if a.dtype.kind not in "fiub" or a.dtype.itemsize > 8:
@@ -56,7 +58,7 @@ def _indices(a: Any, what: str, most: int, dtype: str) -> Any:
         raise TypeError(f"{what} must be a vector of integers, not {a.ndim}-D {a.dtype}")
     if a.size > 0 and (int(a.min()) < 0 or int(a.max()) > most):
         raise ValueError(f"{what} run from {a.min()} to {a.max()}; they must lie from 0 to {most}")
-    return np.ascontiguousarray(a.astype(dtype, copy=False))
+    return np.require(a, dtype, "CA")
 
 
 def _arrays(a: Any, complex_too: bool = False) -> "tuple[Any, Any, Any, bool]":
@@ -101,14 +103,6 @@ def _matrix_error(status: "tuple[int, str, int]", by_rows: bool, kind: str) -> E
     return transposed_error(*status) if swapped else make_error(*status)
 
 
-def _text(value: Any) -> str:
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    if isinstance(value, (list, tuple)):
-        return ",".join(map(_text, value))
-    return repr(float(value)) if isinstance(value, float) else str(value)
-
-
 class Solver:
     """A direct solver for one sparse system at a time.
 
@@ -136,19 +130,17 @@ class Solver:
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
                  permutation: Any = None, progress: "bool | str" = "auto", **options: Any) -> None:
-        if symmetry not in _STORAGE:
-            raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(_STORAGE)}")
-        self._storage = _STORAGE[symmetry]
+        self._storage = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]
         self._core = _core.Solver()
         self._options = {"symmetry": symmetry, "log": log, "permutation": permutation, "progress": progress, **options}
         self._pattern: Any = None
-        for key, value in options.items():
-            self._core.set_option(key, _text(value))
+        for key, value in _checks.options(options):
+            self._core.set_option(key, value)
         if permutation is not None:
             self._core.set_permutation(_indices(permutation, "permutation", 2**31 - 1, "int32"))
-        self._core.set_log((log or logging.getLogger("espalier")).debug)
+        self._core.set_log(_checks.lines_of(log))
         self._n, self._by_rows, self._complex = 0, False, False
-        self._watched = wanted() if progress == "auto" else bool(progress)
+        self._watched = wanted(progress)
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
@@ -173,20 +165,20 @@ class Solver:
 
     def save_analysis(self, path: "str | os.PathLike[str]") -> None:
         """Writes the analysis to a file; load_analysis() of the same pattern then needs no ordering."""
-        status = self._core.save_analysis(os.fsdecode(path))
+        status = self._core.save_analysis(_checks.path(path, "path"))
         if status[0]:
             raise make_error(*status)
 
     def load_analysis(self, path: "str | os.PathLike[str]", A: Any) -> Analysis:
         """Takes the analysis of A from the file of save_analysis(), in place of analyze(A). Raises InvalidInputError
         where the file is damaged or belongs to another pattern."""
-        return self._analyze(self._taken(A)[0], os.fsdecode(path))
+        return self._analyze(self._taken(A)[0], _checks.path(path, "path"))
 
     def clone(self, threads: int = 0) -> "Solver":
         """Another solver with the same options that shares the analysis and has no factor yet: for threads, load cases
         and batches. threads: host threads of its own; 0: as many as this solver has."""
         other = object.__new__(type(self))
-        other.__dict__.update(self.__dict__, _core=self._core.clone(threads))
+        other.__dict__.update(self.__dict__, _core=self._core.clone(_checks.whole(threads, "threads", 0, 4096)))
         other.factor = other.last_solve = None
         return other
 
@@ -312,12 +304,12 @@ class Solver:
 
         if self._n == 0:
             raise RuntimeError("there is no matrix yet: call factorize(A) first")
+        self._factored()
         if type(b) is not np.ndarray and _device.on_gpu(b):
             return self._solve_on_gpu(b, out, transpose, stream)
         b = _numbers(b, "b", True)
         self._check_rows(b)
-        if transpose not in (False, True, "H"):
-            raise ValueError(f"transpose is {transpose!r}; it must be False, True or 'H'")
+        transpose = _checks.transposition(transpose)
         dtype = np.dtype(np.complex128 if self._complex else b.dtype)
         if out is not None and not (isinstance(out, np.ndarray) and out.dtype == dtype and out.shape == b.shape
                                     and out.dtype.isnative and out.flags.writeable):
@@ -330,7 +322,7 @@ class Solver:
             return out
         columns = 1 if b.ndim == 1 else b.shape[1]
         right = np.asfortranarray(b)
-        direct = out is not None and out.flags.f_contiguous
+        direct = out is not None and out.flags.f_contiguous and out.flags.aligned
         x: Any = out if direct else np.empty(b.shape, order="F")
         if columns > 0:
             self._solved(self._core.solve(right.T, x.T, columns, bool(transpose)))
@@ -406,11 +398,13 @@ class Solver:
 
     def _factored(self) -> Factor:
         if self.factor is None:
+            self._core.state()  # a closed solver says so
             raise RuntimeError("there is no factorization: call factorize(A) first")
         return self.factor
 
     def condition(self) -> float:
         """Estimate of the condition number in the 1-norm (of a general matrix by rows: in the maximum norm)."""
+        self._factored()
         status, estimate = self._core.condition()
         if status[0]:
             raise make_error(*status)
@@ -435,7 +429,7 @@ class Solver:
             self.save_analysis(file)
             with open(file, "rb") as f:
                 analysis = f.read()
-        values = self._core.values() if state == 2 else None
+        values = None if self.factor is None else self._core.values()
         if values is not None and self._complex:
             values = values.view("complex128")
         return _revive, (type(self), self._options, self._pattern, self._by_rows, analysis, values, self._complex)

@@ -5,10 +5,10 @@ import os
 from pathlib import Path
 from typing import Any
 
-from . import _core
+from . import _checks, _core
 from ._errors import make_error
 from ._results import Analysis, Factor, Inertia, Solve
-from ._solver import _STORAGE, _floats, _indices, _numbers, _text
+from ._solver import _STORAGE, _floats, _indices, _numbers
 
 __all__ = ["Solver", "adapter"]
 
@@ -57,17 +57,16 @@ class Solver:
         self.last_solve: "Solve | None" = None
 
         def checked() -> str:
-            if symmetry not in _STORAGE or symmetry == "auto":
-                raise ValueError(f"symmetry {symmetry!r} is none of {', '.join(k for k in _STORAGE if k != 'auto')}")
-            if nodes not in ("host", "process"):
-                raise ValueError(f"nodes {nodes!r} is neither 'host' nor 'process'")
+            _checks.choice(symmetry, "symmetry", [k for k in _STORAGE if k != "auto"])
+            _checks.choice(nodes, "nodes", ("host", "process"))
+            _checks.real(patience, "patience")
             return adapter()
 
-        self._core = _core.RankSolver(self._on_all(checked), comm.py2f(), float(patience), nodes == "process")
+        self._core = _core.RankSolver(self._on_all(checked), comm.py2f(), _checks.real(patience, "patience"), nodes == "process")
         self._storage = _STORAGE[symmetry]
         self._hermitian = symmetry.startswith("hermitian")
-        self._on_all(lambda: [self._core.set_option(key, _text(value)) for key, value in options.items()])
-        self._core.set_log((log or logging.getLogger("espalier")).debug)
+        self._on_all(lambda: [self._core.set_option(key, value) for key, value in _checks.options(options)])
+        self._core.set_log(self._on_all(lambda: _checks.lines_of(log)))
 
     def _on_all(self, body: Any) -> Any:
         """What body() returns; what it raises on one process is raised on all."""
@@ -93,7 +92,7 @@ class Solver:
             if len(A) != 3 or n is None:
                 raise TypeError("rows as a tuple are (indptr, indices, data), with n=... of the whole matrix")
             indptr, indices, data = A
-            n = int(n)
+            n = _checks.whole(n, "n", 1)
         else:
             if not hasattr(A, "tocsr") or len(A.shape) != 2:
                 raise TypeError(f"{type(A).__name__} is no sparse matrix: give rows of scipy.sparse or (indptr, indices, data)")
@@ -112,7 +111,7 @@ class Solver:
             data = np.ascontiguousarray(_numbers(np.asarray(data)[:count], "the matrix", True))
             if data.shape != indices.shape:
                 raise ValueError(f"data of shape {data.shape} for {len(indices)} indices")
-        if first_row is not None and not 0 <= first_row <= n - (indptr.size - 1):
+        if first_row is not None and not 0 <= (first_row := _checks.whole(first_row, "first_row")) <= n - (indptr.size - 1):
             raise ValueError(f"{indptr.size - 1} rows from row {first_row} on, of a matrix of {n}")
         return n, first_row, indptr, indices, data
 
@@ -128,7 +127,7 @@ class Solver:
         def checked() -> str:
             if self.analysis is None:
                 raise RuntimeError("there is no analysis: call analyze(A) or factorize(A) first")
-            return os.fsdecode(path)
+            return _checks.path(path, "path")
 
         status = self._core.save_analysis(self._on_all(checked))
         if status[0]:
@@ -138,7 +137,7 @@ class Solver:
                       n: "int | None" = None) -> Analysis:
         """Takes the analysis of A from the file of save_analysis(), which every process reads, in place of analyze(A, ...).
         Raises InvalidInputError where the file is damaged or belongs to another pattern."""
-        part, file = self._on_all(lambda: (self._part(A, first_row, n), os.fsdecode(path)))
+        part, file = self._on_all(lambda: (self._part(A, first_row, n), _checks.path(path, "path")))
         return self._analyze(part, file)
 
     def _analyze(self, part: Any, path: "str | None" = None) -> Analysis:
@@ -205,14 +204,13 @@ class Solver:
     def set_rows(self, first: int, count: int) -> None:
         """This process gives and gets rows first ... first + count - 1 of vectors, from the next solve() on until the next
         analysis. All processes together must give every row; rows that several give are summed."""
-        def checked() -> None:
+        def checked() -> "tuple[int, int]":
             if self._pattern is None:
                 raise RuntimeError("there is no matrix yet: call factorize(A) first")
-            if not (0 <= first <= self._n and 0 <= count <= self._n - first):
-                raise ValueError(f"{count} rows from row {first} on, of a matrix of {self._n}")
+            begin = _checks.whole(first, "first", 0, self._n)
+            return begin, _checks.whole(count, "count", 0, self._n - begin)
 
-        self._on_all(checked)
-        self._core.set_rows(first, count)
+        self._core.set_rows(*self._on_all(checked))
 
     @property
     def rows(self) -> "tuple[int, int]":
@@ -227,8 +225,7 @@ class Solver:
         def checked() -> Any:
             if self.factor is None:
                 raise RuntimeError("there is no factorization: call factorize(A) first")
-            if transpose not in (False, True, "H"):
-                raise ValueError(f"transpose is {transpose!r}; it must be False, True or 'H'")
+            _checks.transposition(transpose)
             right = _numbers(b, "b", True)
             if right.ndim not in (1, 2) or right.shape[0] != self.rows[1]:
                 raise ValueError(f"b has shape {tuple(right.shape)}; this process has {self.rows[1]} rows")
@@ -236,6 +233,7 @@ class Solver:
 
         right = self._on_all(checked)
         columns = 1 if right.ndim == 1 else right.shape[1]
+        transpose = _checks.transposition(transpose)
         given = self._comm.allgather((columns, transpose, _is_complex(right)))
         if any(g[:2] != given[0][:2] for g in given):
             raise make_error(2, "the processes give different numbers of right-hand sides, or another transpose", -1)

@@ -157,7 +157,8 @@ def test_systems_of_patterns_of_their_own():
         esp.solve_systems(pairs)
     found = esp.solve_systems(pairs, check=False)
     assert list(found.errors) == [4] and np.isnan(found.x[4]).all() and np.isfinite(found.x[5]).all()
-    for wrong in ([], [(matrices[0], sides[1])], [matrices[0]], [(None, sides[0])]):
+    assert esp.solve_systems([]).x == [] and not esp.solve_systems([]).errors
+    for wrong in ([(matrices[0], sides[1])], [matrices[0]], [(None, sides[0])]):
         with pytest.raises(ValueError, match="system"):
             esp.solve_systems(wrong)
 

@@ -94,7 +94,7 @@ def test_what_is_refused():
     k, m = string(6), sp.eye_array(6, format="csc")
     for arguments, kind, says in (
         (((k, m), {}), ValueError, "nothing is asked for"),
-        (((k, m, 0), {}), ValueError, "count = 0"),
+        (((k, m, 0), {}), ValueError, "count is 0"),
         (((k, m, 7), {}), esp.InvalidInputError, "7 modes are asked for, and there are 6"),
         (((k, -m, 1), {}), esp.InvalidInputError, "not positive semi-definite"),
         (((k, sp.eye_array(5, format="csc"), 1), {}), esp.InvalidInputError, "one size"),

@@ -44,6 +44,10 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
   /// @throws AllocationRefused when the device has less
   virtual void prepare(const OutOfCorePlan& plan, int slots, Offset slot_bytes) = 0;
+  /// Of the host's memory, bytes that prepare() and a solution for one right-hand side take of its budget.
+  [[nodiscard]] virtual Offset host_bytes(const OutOfCorePlan& /*plan*/, int /*slots*/, Offset /*slot_bytes*/) const {
+    return 0;
+  }
   /// Forgets the last factorization. `values` is the caller's array, valid until finish().
   virtual void begin(std::span<const T> values) = 0;
   /// Called by each thread that uses the backend.

@@ -202,9 +202,20 @@ std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
   return std::make_unique<OutOfCoreExecutor<T>>(std::move(backends), options, budget);
 }
 
-#define ESPALIER_INSTANTIATE(T)                                            \
-  template std::unique_ptr<device::Executor<T>> make_out_of_core_executor( \
-      std::vector<std::unique_ptr<OutOfCoreBackend<T>>>, const OutOfCoreOptions&, base::MemoryBudget*);
+template <class T>
+Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backends, const OutOfCoreOptions& options) {
+  const std::vector<OutOfCorePlan> plans =
+      plan_out_of_core(*backends.front(), options.devices, options.rates, options.pool);
+  Offset bytes = plans.front().store_elements * static_cast<Offset>(sizeof(T));
+  for (std::size_t d = 0; d < backends.size(); ++d)
+    bytes += backends[d]->host_bytes(plans[d], 2 * options.slots, options.slot_bytes);
+  return bytes;
+}
+
+#define ESPALIER_INSTANTIATE(T)                                                                         \
+  template std::unique_ptr<device::Executor<T>> make_out_of_core_executor(                              \
+      std::vector<std::unique_ptr<OutOfCoreBackend<T>>>, const OutOfCoreOptions&, base::MemoryBudget*); \
+  template Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>&, const OutOfCoreOptions&);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

@@ -35,6 +35,10 @@ std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
     std::vector<std::unique_ptr<OutOfCoreBackend<T>>> backends, const OutOfCoreOptions& options,
     base::MemoryBudget* budget);
 
+/// Bytes of the host's budget that it takes, with a solution for one right-hand side. @throws BudgetTooSmall
+template <class T>
+Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backends, const OutOfCoreOptions& options);
+
 /// One device.
 template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core_executor(std::unique_ptr<OutOfCoreBackend<T>> backend,

@@ -27,6 +27,11 @@ class Factory {
       const device::Job& /*job*/, device::Scalar<std::complex<float>>) const {
     return {};
   }
+  /// Bytes that each device would take in core, held against its budget; empty: not known before they are taken.
+  [[nodiscard]] virtual std::vector<Offset> in_core_bytes(const device::Job& /*job*/, Precision /*precision*/,
+                                                          bool /*complex*/) const {
+    return {};
+  }
 };
 
 /// A factory by `Of`, whose template all<T>(job) serves every real scalar.
@@ -45,7 +50,7 @@ class FactoryOf : public Factory {
 
 /// ... and every complex one.
 template <class Of>
-class FactoryOfAll final : public FactoryOf<Of> {
+class FactoryOfAll : public FactoryOf<Of> {
  public:
   using FactoryOf<Of>::make;
   [[nodiscard]] std::vector<std::unique_ptr<OutOfCoreBackend<std::complex<double>>>> make(

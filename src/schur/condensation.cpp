@@ -112,10 +112,10 @@ AnalysisResult Condensation::analyze(const MatrixView& given, std::span<const In
 // @param a  A with or without values
 void Condensation::analyze_rest(const MatrixView& a, bool with_border) {
   const std::vector<double> values = a.values.empty() ? std::vector<double>{} : parts_->matrix_values(a.values);
-  session_ = std::make_unique<solver::Session>(options_of_rest(symmetric_));
-  const base::Interruption::Call call(session_->interruption);
+  auto session = std::make_unique<solver::Session>(options_of_rest(symmetric_));
+  const base::Interruption::Call call(session->interruption);
   try {
-    session_->analyze(rest_view(values), with_border ? parts_->border() : nullptr);
+    session->analyze(rest_view(values), with_border ? parts_->border() : nullptr);
   } catch (const Error& e) {
     if (e.status().code != StatusCode::singular) throw;
     const SparseMatrix general = matrix::to_general(rest_view(values));
@@ -128,6 +128,7 @@ void Condensation::analyze_rest(const MatrixView& a, bool with_border) {
       if (has_partner[r] == 0) alone.push_back(parts_->rest()[r]);
     throw Error(singular_rest(alone, static_cast<Index>(matched.size() - alone.size()), matched.size()));
   }
+  session_ = std::move(session);
   analysis_ = session_->analysis;
 }
 

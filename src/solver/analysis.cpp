@@ -14,6 +14,7 @@
 #include "solve/rank_residual.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/analysis_file.hpp"
+#include "solver/executor_choice.hpp"
 #include "solver/option_text.hpp"
 #include "solver/precision_choice.hpp"
 #include "solver/rank_ordering.hpp"
@@ -233,11 +234,7 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset real_entries = a.system->real_form ? MatrixView(a.system->real_form->a).nonzeros() : 0;
   const Offset entries = a.system->prepared.a.nonzeros() + (real_entries + 1) / 2;
   const Offset value_bytes = parts * static_cast<Offset>(context.single() ? sizeof(float) : sizeof(double));
-  const device::Backend& backend = *a.device.backend;
-  const Offset numbers =
-      a.system->complex_factor()
-          ? backend.complex_executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size())
-          : backend.executor_bytes(a.plan, a.kind(), context.precision(), context.pool.size());
+  const Offset numbers = predicted_executor_bytes(a, context);
   const Offset vectors =
       4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
   return a.bytes() + numbers + (plan::values_of(a.plan, entries) + n) * value_bytes + vectors;

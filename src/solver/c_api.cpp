@@ -141,9 +141,7 @@ CallerStatus factorize_by(espalier_solver& s, AnySolver& cpp, espalier_factor_in
   auto result = call();
   hand_out(result, info);
   CallerStatus status = to_caller(s, result.status, cpp.analysis().kind);
-  s.null_space = espalier::solver::null_space_of(std::move(result), s.transposed);
-  for (std::size_t k = 1; s.conjugated && k < s.null_space.vectors.size(); k += 2)
-    s.null_space.vectors[k] = -s.null_space.vectors[k];
+  s.null_space = espalier::solver::null_space_of(std::move(result), s.by_rows);
   return status;
 }
 

@@ -58,16 +58,18 @@ espalier_factor_info to_c(const ComplexFactorResult& r) {
   return info;
 }
 
-NullSpace null_space_of(FactorResult r, bool transposed) {
-  const bool symmetric = r.left_null_vectors.empty();
-  if (transposed && !symmetric) return {std::move(r.dependent_columns), std::move(r.left_null_vectors)};
-  return {std::move(r.dependent_rows), std::move(r.null_vectors)};
+NullSpace null_space_of(FactorResult r, bool by_rows) {
+  const bool columns = by_rows && !r.dependent_columns.empty();
+  const bool left = by_rows && !r.left_null_vectors.empty();
+  return {std::move(columns ? r.dependent_columns : r.dependent_rows),
+          std::move(left ? r.left_null_vectors : r.null_vectors)};
 }
 
-NullSpace null_space_of(ComplexFactorResult r, bool transposed) {
-  const bool symmetric = r.left_null_vectors.empty();
-  if (transposed && !symmetric) return {std::move(r.dependent_columns), parts_of(r.left_null_vectors)};
-  return {std::move(r.dependent_rows), parts_of(r.null_vectors)};
+NullSpace null_space_of(ComplexFactorResult r, bool by_rows) {
+  const bool columns = by_rows && !r.dependent_columns.empty();
+  const bool left = by_rows && !r.left_null_vectors.empty();
+  return {std::move(columns ? r.dependent_columns : r.dependent_rows),
+          parts_of(left ? r.left_null_vectors : r.null_vectors)};
 }
 
 espalier_solve_info to_c(const SolveResult& r) {

@@ -23,9 +23,9 @@ struct NullSpace {
   std::vector<Index> rows;
   std::vector<double> vectors;  ///< of complex matrices their parts
 };
-/// @param transposed  the solver holds the transpose of the caller's matrix
-NullSpace null_space_of(FactorResult result, bool transposed);
-NullSpace null_space_of(ComplexFactorResult result, bool transposed);
+/// @param by_rows  the caller's matrix is given by rows, of which the solver holds the transpose, whatever the storage
+NullSpace null_space_of(FactorResult result, bool by_rows);
+NullSpace null_space_of(ComplexFactorResult result, bool by_rows);
 
 /// Copies as much of the result as the caller's struct holds; leaves its `size` alone. @param info  null: nobody asks
 /// @throws std::invalid_argument for a struct without a size

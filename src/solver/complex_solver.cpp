@@ -31,15 +31,23 @@ std::vector<Value> numbers_of(const std::vector<double>& parts) {
   return {first, first + parts.size() / 2};
 }
 
-// @param phase  of the determinant, where that is not zero
-ComplexFactorResult complex_result(FactorResult from, Value phase) {
+// A^T of a Hermitian matrix is its conjugate, and so are the vectors of its left null space.
+std::vector<Value> left_null_vectors(const solver::Analysis& a, const std::vector<double>& null,
+                                     const std::vector<double>& left) {
+  if (a.kind() == Kind::lu || a.system->numbers() != base::Numbers::hermitian) return numbers_of(left);
+  std::vector<double> turned(null);
+  solver::conjugate(turned.data(), static_cast<Offset>(turned.size() / 2));
+  return numbers_of(turned);
+}
+
+ComplexFactorResult complex_result(FactorResult from, const solver::Factor& factor) {
   ComplexFactorResult r;
   const std::vector<double> null = std::move(from.null_vectors), left = std::move(from.left_null_vectors);
-  if (from.determinant_sign == 0) phase = 0;
+  const Value phase = from.determinant_sign == 0 ? 0 : factor.determinant_phase();
   static_cast<FactorReport&>(r) = std::move(from);
   r.determinant_phase = phase;
   r.null_vectors = numbers_of(null);
-  r.left_null_vectors = numbers_of(left);
+  r.left_null_vectors = left_null_vectors(*factor.analysis(), null, left);
   return r;
 }
 
@@ -119,7 +127,7 @@ ComplexFactorResult ComplexSolver::factorize(const ComplexMatrixView& a) {
   } else if (r.status = solver::guarded(*impl_, checked); r.status.ok()) {
     r = solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(a.values)); });
   }
-  return complex_result(std::move(r), impl_->factor->determinant_phase());
+  return complex_result(std::move(r), *impl_->factor);
 }
 
 ComplexFactorResult ComplexSolver::refactorize(std::span<const Value> values) {
@@ -127,7 +135,7 @@ ComplexFactorResult ComplexSolver::refactorize(std::span<const Value> values) {
   FactorResult r = impl_->parts
                        ? solver::refactorize_part(*impl_, parts_of(values))
                        : solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(values)); });
-  return complex_result(std::move(r), impl_->factor->determinant_phase());
+  return complex_result(std::move(r), *impl_->factor);
 }
 
 SolveResult ComplexSolver::solve(std::span<const Value> b, std::span<Value> x, Index columns, Transpose transpose) {

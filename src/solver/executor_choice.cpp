@@ -63,13 +63,18 @@ out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, co
   return o;
 }
 
+template <class T>
+Offset in_core_bytes(const Job& job) {
+  return job.plan.memory.size * static_cast<Offset>(sizeof(T));
+}
+
 // When others take memory of a device in between, with less of it.
 template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device, const Job& job,
                                                       const Context& context) {
   const Backend& backend = *device.backend;
   const int attempts = backend.limits().own_memory ? 4 : 1;
-  const Offset need = job.plan.memory.size * static_cast<Offset>(sizeof(T));
+  const Offset need = in_core_bytes<T>(job);
   for (int attempt = 0;; ++attempt) {
     const std::vector<Offset> bytes = device_bytes(backend, job, need, attempt);
     try {
@@ -105,12 +110,7 @@ std::unique_ptr<device::Executor<T>> make_out_of_core_on_first_rank(const Device
   return make_out_of_core<T>(seen, own, context);
 }
 
-}  // namespace
-
-template <class T>
-std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, const device::PivotRule& rule,
-                                                   const Context& context) {
-  const Backend& backend = *analysis.device.backend;
+Job job_of(const Analysis& analysis, const device::PivotRule& rule, const Context& context) {
   Job job{analysis.plan,
           analysis.kind(),
           analysis.system->complex_factor() && analysis.system->numbers() == base::Numbers::hermitian,
@@ -122,6 +122,49 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
           budgets_of(analysis.device, context.options),
           context.link};
   if (const auto& real_form = analysis.system->real_form) job.pair_sign = real_form->hermitian ? -1 : 1;
+  return job;
+}
+
+template <class T>
+Offset out_of_core_bytes(const DeviceChoice& device, const Job& job, const Context& context) {
+  const std::vector<Offset> bytes = device_bytes(*device.backend, job, in_core_bytes<T>(job), 0);
+  const out_of_core::OutOfCoreOptions o = out_of_core_options(device, job, bytes, context);
+  return out_of_core::host_bytes<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()), o);
+}
+
+}  // namespace
+
+Offset predicted_executor_bytes(const Analysis& analysis, const Context& context) {
+  const Backend& backend = *analysis.device.backend;
+  const bool complex = analysis.system->complex_factor(), fp64 = context.precision() == Precision::fp64;
+  const int threads = context.pool.size();
+  const Offset in_core =
+      complex ? backend.complex_executor_bytes(analysis.plan, analysis.kind(), context.precision(), threads)
+              : backend.executor_bytes(analysis.plan, analysis.kind(), context.precision(), threads);
+  const auto* factory = backend.out_of_core();
+  if (factory == nullptr || analysis.plan.tree.border > 0 || context.link != nullptr) return in_core;
+  const Job job = job_of(analysis, {}, context);
+  const std::vector<Offset> needed = factory->in_core_bytes(job, context.precision(), complex);
+  bool fits = true;
+  for (std::size_t d = 0; d < needed.size(); ++d)
+    fits = fits && (job.memory_bytes[d] == 0 || needed[d] <= job.memory_bytes[d]);
+  if (fits) return in_core;
+  try {
+    if (complex)
+      return fp64 ? out_of_core_bytes<std::complex<double>>(analysis.device, job, context)
+                  : out_of_core_bytes<std::complex<float>>(analysis.device, job, context);
+    return fp64 ? out_of_core_bytes<double>(analysis.device, job, context)
+                : out_of_core_bytes<float>(analysis.device, job, context);
+  } catch (const out_of_core::BudgetTooSmall&) {
+    return in_core;  // the factorization says what is needed
+  }
+}
+
+template <class T>
+std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, const device::PivotRule& rule,
+                                                   const Context& context) {
+  const Backend& backend = *analysis.device.backend;
+  Job job = job_of(analysis, rule, context);
   const auto& budgets = job.memory_bytes;
   const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
   try {

@@ -16,4 +16,9 @@ template <class T>
 std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, const device::PivotRule& rule,
                                                    const Context& context);
 
+/// Bytes of factor and work arrays that make_executor() takes of the host's budget, with a solution for one right-hand
+/// side; of devices with memory of their own, of theirs. What does not fit budgets of host devices is planned out of
+/// core to know it.
+Offset predicted_executor_bytes(const Analysis& analysis, const Context& context);
+
 }  // namespace espalier::solver

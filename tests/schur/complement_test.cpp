@@ -369,6 +369,33 @@ TEST(Schur, SolvesMakeTheSameComplement) {
   }
 }
 
+// Where the devices are too small for a border, the rest is analyzed once more, within factorize(). Stopped there.
+TEST(Schur, GoesOnAfterItsSecondAnalysisWasStopped) {
+  const SparseMatrix a = generated({"elasticity", "4"});
+  const std::vector<Index> list = random_list(a.cols, 50, 5);
+  Options small = options_for(Kind::llt);
+  small.device = "host:2";
+  SchurComplement whole(small);
+  (void)factorized(whole, a, list);
+  small.device_memory_bytes = whole.analysis().predicted_bytes / 3;
+  bool stop = false, stops = true;
+  small.log = [&](const std::string& line) { stop = stops && line.find("formed by solves") != std::string::npos; };
+  small.interrupted = [&] { return stop; };
+  small.interrupted_every = 0;
+  SchurComplement schur(small);
+  ASSERT_TRUE(schur.analyze(a, list).status.ok());
+  for (int turn = 0; turn < 2; ++turn) {
+    const SchurResult stopped = schur.factorize(a.values);
+    EXPECT_EQ(stopped.status.code, StatusCode::cancelled) << stopped.status.message;
+    EXPECT_FALSE(schur.factorized());
+    stop = false;
+  }
+  stops = false;
+  const SchurResult found = schur.factorize(a.values);
+  ASSERT_TRUE(found.status.ok()) << found.status.message;
+  expect_complement(schur, a, 1e-11);
+}
+
 TEST(Schur, OrdersOfTheCallerArePassedOn) {
   const SparseMatrix a = reference::random_system(60, 4, reference::Values::positive, 2);
   Options o = options_for(Kind::automatic);

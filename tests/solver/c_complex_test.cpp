@@ -120,25 +120,38 @@ TEST(CComplex, SolvesRealFormsWithEveryStorageLayoutAndTranspose) {
   solve_with_every_storage_layout_and_transpose(true);
 }
 
+// The matrix as stored, and in general storage, where the values say what it is. Row 7 depends on row 4 alone.
 TEST(CComplex, NullVectorsAreThoseOfTheCallersMatrix) {
-  for (const int storage : {ESPALIER_GENERAL, ESPALIER_SYMMETRIC_LOWER, ESPALIER_HERMITIAN_UPPER})
-    for (const int layout : {ESPALIER_CSC, ESPALIER_CSR}) {
-      Dense a = matrix(20, storage);
-      const Value factor(1, 2);
-      a.col(7) = factor * a.col(4);  // ... and the row likewise
-      a.row(7) = (storage == ESPALIER_HERMITIAN_UPPER ? std::conj(factor) : factor) * a.row(4);
-      a(7, 7) = (storage == ESPALIER_HERMITIAN_UPPER ? std::conj(factor) : factor) * factor * a(4, 4);
-      const Arrays arrays(a, layout, storage, 0);
-      const Handle s = make();
-      ASSERT_EQ(espalier_set_option(s.get(), "singular", "report"), ESPALIER_OK);
-      ASSERT_EQ(analyze(s.get(), arrays.c), ESPALIER_OK);
-      ASSERT_EQ(factorize(s.get(), arrays.c), ESPALIER_OK) << espalier_last_error(s.get());
-      std::int64_t row = -1, found = 0;
-      Eigen::VectorXcd v(20);
-      ASSERT_EQ(espalier_null_space(s.get(), 1, &row, reinterpret_cast<double*>(v.data()), &found), ESPALIER_OK);
-      ASSERT_EQ(found, 1);
-      EXPECT_LE((a * v).norm(), 1e-13 * a.norm());
-    }
+  const auto expect_null_space = [](espalier_solver* s, const Dense& a) {
+    std::int64_t row = -1, found = 0;
+    Eigen::VectorXcd v(20);
+    ASSERT_EQ(espalier_null_space(s, 1, &row, reinterpret_cast<double*>(v.data()), &found), ESPALIER_OK);
+    ASSERT_EQ(found, 1);
+    EXPECT_TRUE(row == 4 || row == 7) << row;
+    EXPECT_NEAR(v.cwiseAbs().maxCoeff(), 1, 1e-14);
+    EXPECT_LE((a * v).norm(), 1e-13 * a.norm());
+  };
+  for (int values = ESPALIER_GENERAL; values <= ESPALIER_HERMITIAN_BOTH; ++values)
+    for (const int storage : {values, static_cast<int>(ESPALIER_GENERAL)})
+      for (const int layout : {ESPALIER_CSC, ESPALIER_CSR}) {
+        SCOPED_TRACE(testing::Message() << "values " << values << ", storage " << storage << ", layout " << layout);
+        Dense a = matrix(20, values);
+        const Value factor(1, 2), other = values >= ESPALIER_HERMITIAN_LOWER ? std::conj(factor) : factor;
+        a.col(7) = factor * a.col(4);  // ... and the row likewise
+        a.row(7) = other * a.row(4);
+        a(7, 7) = other * factor * a(4, 4);
+        const Arrays arrays(a, layout, storage, 0);
+        const Handle s = make();
+        ASSERT_EQ(espalier_set_option(s.get(), "singular", "report"), ESPALIER_OK);
+        ASSERT_EQ(analyze(s.get(), arrays.c), ESPALIER_OK);
+        ASSERT_EQ(factorize(s.get(), arrays.c), ESPALIER_OK) << espalier_last_error(s.get());
+        expect_null_space(s.get(), a);
+        espalier_solver* clone = nullptr;
+        ASSERT_EQ(espalier_clone(s.get(), 1, &clone), ESPALIER_OK);
+        const Handle second(clone);
+        ASSERT_EQ(espalier_refactorize(clone, arrays.c.values, arrays.c.nonzeros, nullptr), ESPALIER_OK);
+        expect_null_space(clone, a);
+      }
 }
 
 TEST(CComplex, MisuseIsTold) {

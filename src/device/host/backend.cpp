@@ -28,6 +28,18 @@ struct HostOutOfCore {
   }
 };
 
+class HostFactory final : public out_of_core::FactoryOfAll<HostOutOfCore> {
+ public:
+  [[nodiscard]] std::vector<Offset> in_core_bytes(const Job& job, Precision precision, bool complex) const override {
+    const int threads = job.pool.size();
+    const bool fp64 = precision == Precision::fp64;
+    if (complex)
+      return fp64 ? device_bytes<std::complex<double>>(job.plan, job.kind, threads)
+                  : device_bytes<std::complex<float>>(job.plan, job.kind, threads);
+    return fp64 ? device_bytes<double>(job.plan, job.kind, threads) : device_bytes<float>(job.plan, job.kind, threads);
+  }
+};
+
 class HostBackend final : public Backend {
  public:
   [[nodiscard]] std::string_view name() const override { return "host"; }
@@ -125,7 +137,7 @@ class HostBackend final : public Backend {
     return make_host_executor<T>(job, std::move(options));
   }
 
-  out_of_core::FactoryOfAll<HostOutOfCore> factory_;
+  HostFactory factory_;
 };
 
 }  // namespace

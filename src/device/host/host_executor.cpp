@@ -54,9 +54,41 @@ Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* b
   runs.reserve(static_cast<std::size_t>(3 * 2048));
 }
 
+namespace {
+
+// Bytes of a Workspace. @param stack  elements of its stack
+template <class T>
+Offset workspace_bytes(const Extent& largest, Kind kind, Offset stack) {
+  const auto [area, widest] = largest;
+  const Offset elements = (kind == Kind::llt ? 2 : 3) * area + stack + 2 * padded<T>(widest) + kPanel<T>;
+  return elements * static_cast<Offset>(sizeof(T)) + padded<T>(widest);
+}
+
+// Teams are neighbouring threads: device d has the workers team_begin(d) .. team_begin(d + 1) - 1.
+int team_begin(Index device, Index devices, int threads) {
+  return static_cast<int>((Offset{device} * threads + devices - 1) / devices);
+}
+
+}  // namespace
+
+template <class T>
+std::vector<Offset> device_bytes(const plan::Plan& plan, Kind kind, int threads) {
+  const Index devices = plan.ownership.devices;
+  const Offset of_worker = workspace_bytes<T>(largest_tile<T>(plan), kind, plan.memory.stack_size);
+  std::vector<Offset> bytes;
+  for (Index d = 0; d < devices; ++d)
+    bytes.push_back(plan.memory.device_size[static_cast<std::size_t>(d)] * static_cast<Offset>(sizeof(T)) +
+                    (team_begin(d + 1, devices, threads) - team_begin(d, devices, threads)) * of_worker);
+  return bytes;
+}
+
 template <class T>
 Offset host_bytes(const plan::Plan& plan, Kind kind, int threads) {
-  const auto [area, widest] = largest_tile<T>(plan);
+  return host_bytes<T>(plan, kind, threads, plan.memory.size, plan.memory.stack_size);
+}
+
+template <class T>
+Offset host_bytes(const plan::Plan& plan, Kind kind, int threads, Offset arena, Offset workers_stack) {
   const auto rows = static_cast<Offset>(plan.tree.rows.size());
   Offset front = 0, tile = 0, stack = 0;                                             // of the solution, rows
   std::vector<Offset> entries(plan.layout.size(), 0), below(plan.layout.size(), 0);  // of the sub-tree
@@ -72,16 +104,18 @@ Offset host_bytes(const plan::Plan& plan, Kind kind, int threads) {
       below[static_cast<std::size_t>(parent)] += below[f];
     }
   }
-  const Offset own = (kind == Kind::llt ? 2 : 3) * area + plan.memory.stack_size + 2 * padded<T>(widest) + kPanel<T> +
-                     front + kPanel<T> + 2 * tile + stack;
-  const Offset shared = plan.memory.size + rows + (kind == Kind::ldlt ? 2 * plan.tree.n : 0);
+  const Offset own = workspace_bytes<T>(largest_tile<T>(plan), kind, workers_stack) +
+                     (front + kPanel<T> + 2 * tile + stack) * static_cast<Offset>(sizeof(T));
+  const Offset shared = arena + rows + (kind == Kind::ldlt ? 2 * plan.tree.n : 0);
   const Offset kept = (kind == Kind::llt ? 1 : 5) * Offset{plan.tree.n} + 2 * plan.tiles() +
                       plan.fronts() * static_cast<Offset>(sizeof(FrontOutcome) + 4 * sizeof(Offset));
-  return (shared + threads * own) * static_cast<Offset>(sizeof(T)) + threads * padded<T>(widest) + kept;
+  return shared * static_cast<Offset>(sizeof(T)) + threads * own + kept;
 }
 
-#define ESPALIER_INSTANTIATE(T)                                \
-  template Offset host_bytes<T>(const plan::Plan&, Kind, int); \
+#define ESPALIER_INSTANTIATE(T)                                                \
+  template std::vector<Offset> device_bytes<T>(const plan::Plan&, Kind, int);  \
+  template Offset host_bytes<T>(const plan::Plan&, Kind, int);                 \
+  template Offset host_bytes<T>(const plan::Plan&, Kind, int, Offset, Offset); \
   template struct Workspace<T>;
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
@@ -198,8 +232,9 @@ class HostExecutor final : public Executor<T> {
   [[nodiscard]] std::vector<DeviceWork> device_work() const override {
     std::vector<DeviceWork> list;
     if (devices_ == 1) return list;
+    const std::vector<Offset> bytes = device_bytes<T>(plan_, state_.kind, pool_.size());
     for (Index d = 0; d < devices_; ++d) {
-      DeviceWork work{device_name(d), 0, 0, queues_.stolen(d), device_bytes(work_, d)};
+      DeviceWork work{device_name(d), 0, 0, queues_.stolen(d), bytes[static_cast<std::size_t>(d)]};
       const double workers = team_begin(d + 1) - team_begin(d);
       for (int t = team_begin(d); t < team_begin(d + 1); ++t) {
         const Workspace<T>& w = work_[static_cast<std::size_t>(t)];
@@ -212,10 +247,7 @@ class HostExecutor final : public Executor<T> {
   }
 
  private:
-  // Teams are neighbouring threads: device d has the workers team_begin(d) .. team_begin(d + 1) - 1.
-  [[nodiscard]] int team_begin(Index d) const {
-    return static_cast<int>((Offset{d} * pool_.size() + devices_ - 1) / devices_);
-  }
+  [[nodiscard]] int team_begin(Index d) const { return host::team_begin(d, devices_, pool_.size()); }
   [[nodiscard]] Index device_of(int worker) const {
     return static_cast<Index>(Offset{worker} * devices_ / pool_.size());
   }
@@ -224,26 +256,22 @@ class HostExecutor final : public Executor<T> {
     const int threads = team_begin(d + 1) - team_begin(d);
     return fmt::format("host device {} ({} thread{})", d, threads, threads == 1 ? "" : "s");
   }
-  [[nodiscard]] Offset device_bytes(const std::vector<Workspace<T>>& work, Index d) const {
-    Offset bytes = plan_.memory.device_size[static_cast<std::size_t>(d)] * static_cast<Offset>(sizeof(T));
-    for (int t = team_begin(d); t < team_begin(d + 1); ++t) bytes += work[static_cast<std::size_t>(t)].bytes();
-    return bytes;
-  }
-
-  // The workers' own memory; with it, all that the devices need is known, and is held against their budgets.
+  // The workers' own memory, where what the devices need keeps to their budgets.
   [[nodiscard]] std::vector<Workspace<T>> make_workspaces(Kind kind) const {
     if (pool_.size() < devices_)
       throw Error(StatusCode::invalid_input,
                   fmt::format("{} host devices need as many threads, but there are {}", devices_, pool_.size()));
-    std::vector<Workspace<T>> work;
-    for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan_, kind, budget_);
+    const std::vector<Offset> needed = device_bytes<T>(plan_, kind, pool_.size());
     for (Index d = 0; d < static_cast<Index>(options_.device_memory_bytes.size()); ++d) {
-      const Offset limit = options_.device_memory_bytes[static_cast<std::size_t>(d)], bytes = device_bytes(work, d);
+      const Offset limit = options_.device_memory_bytes[static_cast<std::size_t>(d)];
+      const Offset bytes = needed[static_cast<std::size_t>(d)];
       if (limit > 0 && bytes > limit)
         throw Error(StatusCode::out_of_memory,
                     fmt::format("{}: {} bytes are needed, its budget is {} bytes; give a larger one or more devices",
                                 device_name(d), bytes, limit));
     }
+    std::vector<Workspace<T>> work;
+    for (int t = 0; t < pool_.size(); ++t) work.emplace_back(plan_, kind, budget_);
     return work;
   }
 

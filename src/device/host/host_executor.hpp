@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "device/backend.hpp"
 
@@ -34,5 +35,11 @@ std::unique_ptr<Executor<T>> make_host_executor(const Job& job, HostOptions opti
 /// arrays of each of `threads` workers, and what is kept by front and by tile. The solution's own part is a bound.
 template <class T>
 Offset host_bytes(const plan::Plan& plan, Kind kind, int threads);
+/// The same with another arena, and another stack of each worker, in elements: out of core.
+template <class T>
+Offset host_bytes(const plan::Plan& plan, Kind kind, int threads, Offset arena, Offset workers_stack);
+/// What make_host_executor() takes on each device, and holds against its budget.
+template <class T>
+std::vector<Offset> device_bytes(const plan::Plan& plan, Kind kind, int threads);
 
 }  // namespace espalier::device::host

@@ -8,6 +8,7 @@
 #include <cstring>
 #include <optional>
 
+#include "device/host/host_executor.hpp"
 #include "device/host/out_of_core/direct_copies.hpp"
 #include "device/host/out_of_core/group_tasks.hpp"
 #include "device/host/outcome.hpp"
@@ -79,6 +80,13 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
 
   // ---- memory and copies --------------------------------------------------------------------------------------------
 
+  [[nodiscard]] Offset host_bytes(const out_of_core::OutOfCorePlan& plan, int slots, Offset slot_bytes) const override {
+    const Offset arena = plan.arena_bytes / static_cast<Offset>(sizeof(T));
+    // The first device solves, with all threads of the pool.
+    return host::host_bytes<T>(plan_, matrix_.kind, options_.device == 0 ? solve_pool_.size() : pool_.size(), arena,
+                               stack_of(plan)) +
+           slots * slot_bytes;
+  }
   void prepare(const out_of_core::OutOfCorePlan& plan, int slots, Offset slot_bytes) override {
     out_of_core_ = &plan;
     slot_bytes_ = slot_bytes;
@@ -92,8 +100,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     plan_.memory.contribution2.assign(n, 0);
     plan_.memory.on_stack.assign(n, 0);
     plan_.memory.wait_ptr.assign(n + 1, 0);
-    for (const InCoreStep& s : plan.steps)
-      plan_.memory.stack_size = std::max(plan_.memory.stack_size, s.memory.stack_size);
+    plan_.memory.stack_size = stack_of(plan);
     for (int t = 0; t < pool_.size(); ++t) work_.emplace_back(plan_, matrix_.kind, budget_);
     state_.emplace(plan_, matrix_, rule_, budget_);
     if (options_.device == 0) solve_.emplace(*state_, solve_pool_, budget_);
@@ -193,6 +200,12 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
   }
 
  private:
+  static Offset stack_of(const out_of_core::OutOfCorePlan& plan) {
+    Offset most = 0;
+    for (const InCoreStep& s : plan.steps) most = std::max(most, s.memory.stack_size);
+    return most;
+  }
+
   void carry_out(const Operation& op) {
     if (!op.grouped) return eliminate(out_of_core_->steps[static_cast<std::size_t>(op.unit)]);
     const ColumnGroup& g = out_of_core_->groups[static_cast<std::size_t>(op.unit)];
