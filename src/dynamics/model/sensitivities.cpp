@@ -58,13 +58,13 @@ class SensitivityRun {
       throw Error(StatusCode::invalid_input,
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
     for (const dynamics::model::ContactSpec& c : model.contacts) {
-      remembers_ = remembers_ || c.law.friction > 0;
+      remembers_ = remembers_ || c.law.rubs();
       // The copies do not take part in what these do between Newton's passes, or in jumps of the velocities.
       if (c.law.impulse || c.penetration > 0)
         dynamics::model::fail(c.place, fmt::format("sensitivities do not pass contacts with {} yet",
                                                    c.law.impulse ? "impulses (the penalty works)"
                                                                  : "a chosen penetration (stiffness alone works)"));
-      if (c.law.friction > 0 && (model.statics || model.initial.statics))
+      if (c.law.rubs() && (model.statics || model.initial.statics))
         dynamics::model::fail(c.place,
                               "sensitivities of equilibria do not pass contacts with friction yet, whose forces "
                               "depend on the way there");
@@ -166,7 +166,7 @@ class SensitivityRun {
         for (const dynamics::contact::Contact* part : built.parts)
           solid =
               solid || (built.name == c.name && dynamic_cast<const dynamics::contact::RigidContact*>(part) == nullptr);
-      if (c.law.friction > 0 || c.law.restitution < 1 || solid)
+      if (c.law.rubs() || c.law.restitution < 1 || solid)
         dynamics::model::fail(c.place,
                               "the adjoint method does not pass contacts with friction or restitution, or of "
                               "deformable bodies, which remember something from step to step: take the forward one");
