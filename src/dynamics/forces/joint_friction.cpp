@@ -33,11 +33,11 @@ FrictionCurve reaching(FrictionCurve c) {
   const double wanted = c.static_coefficient;
   if (wanted <= c.dynamic_coefficient || c.stribeck_speed < c.slip_speed) return c;
   const auto largest = [&c] {
-    // The maximum lies where tanh is nearly 1, at some slip speeds, and below the Stribeck speed.
+    // The maximum lies where tanh is nearly 1, at some slip speeds, or not far behind the Stribeck speed.
     constexpr int kPoints = 400;
     double most = 0;
     for (int k = 1; k <= kPoints; ++k) {
-      const double s = c.slip_speed * std::pow(c.stribeck_speed / c.slip_speed, static_cast<double>(k) / kPoints) *
+      const double s = c.slip_speed * std::pow(3 * c.stribeck_speed / c.slip_speed, static_cast<double>(k) / kPoints) *
                        std::min(1.0, 20.0 * k / kPoints);
       most = std::max(most, quotient(c, s).phi * s);
     }

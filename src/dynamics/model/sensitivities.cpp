@@ -36,6 +36,7 @@ using dynamics::model::Value;
 // Stiff directions magnify both errors of a central difference, the square of the step and rounding over it, alike.
 constexpr double kRelativeStep = 5e-6;
 constexpr double kStepOfStatics = 1e-4;  // the two starts are equilibria, to their tolerance
+constexpr double kMostDefect = 1e-6;     // of derivatives that are given
 
 std::size_t position_of(const std::vector<std::string>& names, const std::string& name) {
   const auto it = std::find(names.begin(), names.end(), name);
@@ -126,6 +127,13 @@ class SensitivityRun {
       });
     }
     result_.defect = forward.defect();
+    if (!(result_.defect <= kMostDefect))
+      throw Error(StatusCode::accuracy_not_reached,
+                  fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than {:g}: "
+                              "the model may have a kink or a jump (contact that opens or closes, friction that sticks or "
+                              "slips) within the step of a parameter; take smaller SensitivityParameter::step, or tighter "
+                              "tolerances of the run",
+                              result_.defect, kMostDefect));
   }
 
  private:
