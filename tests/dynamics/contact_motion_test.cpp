@@ -155,6 +155,8 @@ TEST(ContactMotion, BallBeginsToRoll) {
   const Simulation simulation = simulated(text);
   EXPECT_NEAR(simulation.value("ball.velocity.x"), 5.0 / 7, 2e-4);
   EXPECT_NEAR(simulation.value("ball.angular_velocity.y"), 5.0 / 7 / 0.1, 2e-3);
+  const double slips = 2 / (7 * 0.3 * kGravity), way = slips - 0.5 * 0.3 * kGravity * slips * slips;
+  EXPECT_NEAR(simulation.value("ball.position.x"), way + 5.0 / 7 * (0.3 - slips), 1e-5);
 }
 
 // Without friction and damping nothing is gained: boxes that tumble over each other.

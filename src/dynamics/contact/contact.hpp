@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "dynamics/contact/law.hpp"
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/switching.hpp"
 
 namespace espalier::dynamics::contact {
 
@@ -35,7 +35,7 @@ struct Overlap {
 };
 
 /// Adds forces between surfaces. Has no unknowns of its own.
-class Contact : public Component {
+class Contact : public Component, public Switching {
  public:
   using Component::Component;
   [[nodiscard]] Sizes sizes() const override { return {}; }

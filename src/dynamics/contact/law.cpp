@@ -21,8 +21,17 @@ void ContactLaw::check() const {
   need(!impulse || damping == 0, "a contact with impulses has no damping: what rests is damped critically");
   need(damping == 0 || restitution == 1, "a contact has damping or restitution, not both");
   need(friction >= 0, "the friction of a contact must not be negative");
-  need(friction == 0 || tangential_stiffness > 0, "friction needs a tangential stiffness greater than 0");
+  need(static_friction == 0 || static_friction >= friction,
+       "the static friction of a contact must not be below that of sliding");
+  need(!falls() || stribeck_speed > 0, "static friction needs a Stribeck speed greater than 0");
+  need(!rubs() || tangential_stiffness > 0, "friction needs a tangential stiffness greater than 0");
   need(tangential_damping >= 0, "the tangential damping of a contact must not be negative");
+}
+
+ContactLaw::Coefficient ContactLaw::coefficient(double slip_speed) const {
+  if (!falls()) return {friction, 0};
+  const double x = slip_speed / stribeck_speed, more = (static_friction - friction) * std::exp(-x * x);
+  return {friction + more, -2 * x / stribeck_speed * more};
 }
 
 NormalForce normal_force(const ContactLaw& law, double p, double rate, double damping) {
@@ -59,7 +68,9 @@ double damping_number(double restitution) {
 FrictionForce friction_force(const ContactLaw& law, double normal, const Vec3& stretch, const Vec3& rate) {
   FrictionForce result;
   const Vec3 trial = law.tangential_stiffness * stretch + law.tangential_damping * rate;
-  const double size = trial.norm(), limit = law.friction * normal;
+  const double speed = rate.norm();
+  const auto [mu, slope] = law.coefficient(speed);
+  const double size = trial.norm(), limit = mu * normal;
   if (size <= limit) {
     result.force = -trial;
     result.by_trial = -Mat3::Identity();
@@ -69,12 +80,13 @@ FrictionForce friction_force(const ContactLaw& law, double normal, const Vec3& s
   result.slips = true;
   result.force = -limit * e;
   result.by_trial = -limit / size * (Mat3::Identity() - e * e.transpose());
-  result.by_normal = -law.friction * e;
+  result.by_normal = -mu * e;
+  if (slope != 0) result.by_rate = -slope * normal / speed * e * rate.transpose();
   return result;
 }
 
-Vec3 kept_stretch(const ContactLaw& law, double normal, const Vec3& stretch) {
-  const double size = law.tangential_stiffness * stretch.norm(), limit = law.friction * normal;
+Vec3 kept_stretch(const ContactLaw& law, double normal, const Vec3& stretch, const Vec3& rate) {
+  const double size = law.tangential_stiffness * stretch.norm(), limit = law.coefficient(rate.norm()).mu * normal;
   return size <= limit ? stretch : Vec3(limit / size * stretch);
 }
 

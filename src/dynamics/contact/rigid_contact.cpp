@@ -45,7 +45,7 @@ RigidContact::RigidContact(std::string name, const ContactLaw& law, std::vector<
   if (!any) throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
   reach_.assign(bodies_.size(), 3);
   for (std::size_t i = 0; i < surfaces_.size(); ++i)
-    if (law_.friction > 0 || !is_central(surfaces_[i])) reach_[slot(body_index_[i])] = 6;
+    if (law_.rubs() || !is_central(surfaces_[i])) reach_[slot(body_index_[i])] = 6;
   motion_.resize(bodies_.size());
   placed_.resize(surfaces_.size());
   boxes_.resize(surfaces_.size());
@@ -276,8 +276,9 @@ void RigidContact::accept(const StateView& s) {
     const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
     const TouchForce force = force_of(active, nullptr);
     const Touch& t = active.touch;
-    const Vec3 kept = law_.friction > 0 ? kept_stretch(law_, force.normal.force, force.stretch) : Vec3(Vec3::Zero());
-    next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept), active.damping,
+    const Vec3 kept = law_.rubs() ? kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate) : Vec3(Vec3::Zero());
+    next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept),
+                    active.memory != nullptr ? active.damping : landing_damping(active),
                     active.memory != nullptr ? active.memory->begin : 0});
   }
   memory_ = std::move(next);
@@ -342,9 +343,9 @@ Energy RigidContact::energy(const StateView& s) {
   for (const Active& active : find_active()) {
     const TouchForce force = force_of(active, nullptr);
     sum.potential += force.normal.energy;
-    if (law_.friction > 0)
+    if (law_.rubs())
       sum.potential +=
-          0.5 * law_.tangential_stiffness * kept_stretch(law_, force.normal.force, force.stretch).squaredNorm();
+          0.5 * law_.tangential_stiffness * kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate).squaredNorm();
   }
   return sum;
 }

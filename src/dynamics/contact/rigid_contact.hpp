@@ -40,6 +40,9 @@ class RigidContact final : public Contact {
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
   void accept(const StateView& s) override;
+  /// See rigid_steps.cpp.
+  [[nodiscard]] double unseen(const StepPath& path) override;
+  void add_falling(const StateView& s, std::vector<FallingForce>& out) override;
   void save(std::vector<double>& out) const override;
   void restore(ConstSpan& in) override;
 
@@ -96,6 +99,19 @@ class RigidContact final : public Contact {
   [[nodiscard]] ImpactPoint impact_point(const Active& active) const;
   [[nodiscard]] const Memory* memory_of(const Pair& pair, const Touch& touch, std::vector<char>& taken) const;
   [[nodiscard]] double first_damping(const Pair& pair, const Touch& touch) const;
+  [[nodiscard]] double landing_damping(const Active& active) const;
+  /// Of two surfaces, as far as two states of a step tell: how fast their points move at most.
+  [[nodiscard]] double fastest_point(const Pair& pair, const StepPath& path) const;
+  /// Two surfaces at a state: their bodies and their touches with gaps below `reach`.
+  struct Meeting {
+    BodyMotion a, b;
+    std::vector<Touch> touches;
+    [[nodiscard]] double gap(double reach) const;
+  };
+  [[nodiscard]] Meeting meeting(const Pair& pair, const State& s, double reach) const;
+  [[nodiscard]] double turning_share(const StepPath& path);
+  [[nodiscard]] double passing_share(const StepPath& path);
+  [[nodiscard]] double passing_share(const Pair& pair, const StepPath& path) const;
   [[nodiscard]] Index body_of(Index surface) const { return body_index_[static_cast<std::size_t>(surface)]; }
   [[nodiscard]] TouchForce force_of(const Active& active, TouchTangent* tangent) const;
   void add_block(const Mat12& k, Index body_row, Index body_column, int row, int column, Span w_values) const;

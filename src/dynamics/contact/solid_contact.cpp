@@ -247,7 +247,7 @@ std::optional<SolidContact::Acting> SolidContact::act_solid(std::size_t k, const
   Vec3 relative = velocity_of_point(k, at);
   for (std::size_t a = 0; a < other.v.size(); ++a) relative -= touch.opposite().value[a] * other.v[a];
   acting.normal = normal_force(law_, penetration, -n.dot(relative), law_.damping);
-  if (law_.friction == 0) return acting;
+  if (!law_.rubs()) return acting;
   if (memory.touched) {
     const Vec3 between = from_spring_end(k, at);
     acting.stretch = between - n * n.dot(between);
@@ -270,7 +270,7 @@ bool SolidContact::update_pattern(ConstSpan q) {
   for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
     const Index face = points_[acting.point].spot.face;
     need(face, second_ ? acting.opposite->face : -1);
-    if (second_ && law_.friction > 0 && memory_[acting.point].touched) need(face, memory_[acting.point].anchor.face);
+    if (second_ && law_.rubs() && memory_[acting.point].touched) need(face, memory_[acting.point].anchor.face);
   });
   if (outgrown) {
     const double wide = 2 * reach_;
@@ -315,8 +315,8 @@ void SolidContact::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) 
 SolidContact::Memory SolidContact::remembered(const Acting& acting, const FacePlace& at) const {
   Memory memory = memory_[acting.point];
   memory.touched = true;
-  if (law_.friction == 0) return memory;
-  const Vec3 kept = kept_stretch(law_, acting.normal.force, acting.stretch);
+  if (!law_.rubs()) return memory;
+  const Vec3 kept = kept_stretch(law_, acting.normal.force, acting.stretch, acting.slip_rate);
   if (!second_) {
     BodyMotion point;
     point.origin = at.x;
@@ -359,7 +359,7 @@ void SolidContact::accept(const StateView& s) {
   std::vector<Memory> next(points_.size());
   for (std::size_t k = 0; k < next.size(); ++k) next[k].layer = active() ? memory_[k].layer : 0;
   for_acting([&](const Acting& acting, const FacePlace& at) { next[acting.point] = remembered(acting, at); });
-  if (active() && law_.friction > 0 && second_ && second_->is_line()) {
+  if (active() && law_.rubs() && second_ && second_->is_line()) {
     for (std::size_t k = 0; k < next.size(); ++k) {
       if (next[k].touched) continue;
       const FacePlace at = place_of_point(k);
@@ -394,8 +394,8 @@ Energy SolidContact::energy(const StateView& s) {
   move_to(s.q, s.v, true);
   for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
     double e = acting.normal.energy;
-    if (law_.friction > 0)
-      e += 0.5 * law_.tangential_stiffness * kept_stretch(law_, acting.normal.force, acting.stretch).squaredNorm();
+    if (law_.rubs())
+      e += 0.5 * law_.tangential_stiffness * kept_stretch(law_, acting.normal.force, acting.stretch, acting.slip_rate).squaredNorm();
     sum.potential += points_[acting.point].weight * e;
   });
   return sum;

@@ -42,6 +42,10 @@ class SolidContact final : public Contact {
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
   void accept(const StateView& s) override;
+  /// Where friction drives at the end of a step since the slip turned round (see RigidContact), or surfaces touched in
+  /// it that touch at neither end.
+  [[nodiscard]] double unseen(const StepPath& path) override;
+  void add_falling(const StateView& s, std::vector<FallingForce>& out) override;
   [[nodiscard]] bool augment(const StateView& s) override;
   void save(std::vector<double>& out) const override;
   void restore(ConstSpan& in) override;
@@ -110,6 +114,9 @@ class SolidContact final : public Contact {
                                    const TangentWeights& weights, int anchor_nodes) const;
   void add_local(const Local& local, Span w_values) const;
   [[nodiscard]] double deepest(ConstSpan q);
+  [[nodiscard]] double turning_share(const StepPath& path);
+  [[nodiscard]] double passing_share(const StepPath& path);
+  [[nodiscard]] bool touches(const State& s);
   [[nodiscard]] bool slid() const;
   void transfer(const std::vector<ContactPoint>& old_points, const std::vector<Memory>& old_memory);
 

@@ -52,7 +52,7 @@ SolidContact::Local SolidContact::local_solid(const Acting& acting, const FacePl
   };
   append(own);
   append(other);
-  const bool anchored = law_.friction > 0 && memory_[k].touched;
+  const bool anchored = law_.rubs() && memory_[k].touched;
   if (anchored) append(second_->face(memory_[k].anchor.face));
   const double w = points_[k].weight;
   local.f = VecX::Zero(3 * static_cast<Eigen::Index>(local.rows.size()));
@@ -88,7 +88,7 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
   MatX k = MatX::Zero(all, all);
   k.topRows(nz) += gap_by * (weights.q * normal_q + weights.v * normal_v).transpose();
   if (weights.q != 0) k.topLeftCorner(nz, nz) += weights.q * normal.force * touch.gap_by_twice();
-  if (law_.friction == 0) return k;
+  if (!law_.rubs()) return k;
 
   const FrictionForce& f = acting.friction;
   const Mat3 in_plane = Mat3::Identity() - n * n.transpose();
@@ -97,18 +97,19 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
     out.leftCols(nz) -= n.dot(y) * normal_by + n * (y.transpose() * normal_by);
     return out;
   };
-  Mat3X rate_by = Mat3X::Zero(3, all), trial = Mat3X::Zero(3, all), trial_v = Mat3X::Zero(3, all);
+  Mat3X rate_by = Mat3X::Zero(3, all), rate_v = Mat3X::Zero(3, all);
   rate_by.leftCols(nz) = relative_by;
-  trial_v.leftCols(nz) = law_.tangential_damping * in_plane * slip_by;
+  rate_v.leftCols(nz) = in_plane * slip_by;
   if (other.is_line()) {
     const Vec3 bend = face_bends(other, other.v, acting.opposite->xi.data())[0];
     const LineTurn turn = line_turn(touch.opposite().tangent[0], rate_of_tangent[0], at.x - touch.opposite().x);
     relative += turn.gain;
     rate_by.leftCols(nz) += turn.by_tangent * touch.tangent_by() +
                             turn.by_rate * bend * touch.place_by()[0].transpose() + turn.by_lever * touch.lever_by();
-    trial_v.leftCols(nz) += law_.tangential_damping * turn.by_rate * touch.slope_by();
+    rate_v.leftCols(nz) += turn.by_rate * touch.slope_by();
   }
-  trial = law_.tangential_damping * projected(relative, rate_by);
+  const Mat3X rate_q = projected(relative, rate_by);
+  Mat3X trial = law_.tangential_damping * rate_q;
   if (anchor_nodes > 0) {
     const FaceSpot& anchor = memory_[acting.point].anchor;
     const SurfaceFace& held = second_->face(anchor.face);
@@ -123,7 +124,8 @@ MatX SolidContact::tangent_solid(const Acting& acting, const FacePlace& at, Face
     }
     trial += law_.tangential_stiffness * projected(from_spring_end(acting.point, at), between_by);
   }
-  const Mat3X force_by = f.by_trial * (weights.q * trial + weights.v * trial_v) +
+  const Mat3X force_by = f.by_trial * (weights.q * trial + weights.v * law_.tangential_damping * rate_v) +
+                         f.by_rate * (weights.q * rate_q + weights.v * rate_v) +
                          f.by_normal * (weights.q * normal_q + weights.v * normal_v).transpose();
   k.topRows(nz) += slip_by.transpose() * force_by;
   if (weights.q != 0) k.topLeftCorner(nz, nz) += weights.q * touch.share_by(f.force);

@@ -177,7 +177,7 @@ TouchForce touch_force(const ContactLaw& law, double damping, const Touch& touch
   result.normal = normal_force(law, -touch.gap, rate, damping);
   const Mat3 in_plane = Mat3::Identity() - n * n.transpose();
   Vec3 between = Vec3::Zero();
-  if (law.friction > 0) {
+  if (law.rubs()) {
     if (ends != nullptr) between = sign * spring_of(touch, a, b, *ends, nullptr).between;
     result.stretch = in_plane * between;
     result.slip_rate = in_plane * relative;
@@ -198,16 +198,18 @@ TouchForce touch_force(const ContactLaw& law, double damping, const Touch& touch
                            result.normal.by_rate * (rate_by(relative_by) - relative.transpose() * m.normal_by);
   const Row12 n_by_twist = result.normal.by_rate * rate_by(relative_by_twist);
   Mat3x12 by_place = n * n_by_place + result.normal.force * m.normal_by, by_twist = n * n_by_twist;
-  if (law.friction > 0) {
+  if (law.rubs()) {
     const FrictionForce& f = result.friction;
     const auto projected = [&](const Vec3& y, const Mat3x12& y_by) {
       return Mat3x12(in_plane * y_by - n.dot(y) * m.normal_by - n * (y.transpose() * m.normal_by));
     };
-    Mat3x12 trial = law.tangential_damping * projected(relative, relative_by);
+    const Mat3x12 slip_rate_by = projected(relative, relative_by);
+    Mat3x12 trial = law.tangential_damping * slip_rate_by;
     if (ends != nullptr)
       trial += law.tangential_stiffness * projected(between, sign * spring_of(touch, a, b, *ends, &m).by);
-    by_place += f.by_trial * trial + f.by_normal * n_by_place;
-    by_twist += law.tangential_damping * f.by_trial * in_plane * relative_by_twist + f.by_normal * n_by_twist;
+    by_place += f.by_trial * trial + f.by_rate * slip_rate_by + f.by_normal * n_by_place;
+    by_twist += (law.tangential_damping * f.by_trial + f.by_rate) * in_plane * relative_by_twist +
+                f.by_normal * n_by_twist;
   }
   add_wrench_derivatives(force, by_place, &m, x, a, b, tangent->by_place);
   add_wrench_derivatives(force, by_twist, nullptr, x, a, b, tangent->by_twist);

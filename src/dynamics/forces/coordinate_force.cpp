@@ -65,6 +65,21 @@ double CoordinateForce::potential(const Pair& p) const {
   return law_->potential(point(p, g).g);
 }
 
+void CoordinateForce::law_branches(const StateView& s, Branches& out) const {
+  if (!law_->switches()) return;
+  const Pair p = pair(s);
+  RelativeValue g;
+  law_->branches(point(p, g), out);
+}
+
+void CoordinateForce::add_falling(const StateView& s, std::vector<FallingForce>& out) {
+  if (!active() || !law_->switches()) return;
+  const Pair p = pair(s);
+  RelativeValue g;
+  const double slope = law_->strength(point(p, g)).by_rate;
+  if (slope < 0) out.push_back({all_coordinates(), to_coordinates(s.q, p, gradient(g)), slope});
+}
+
 void CoordinateForce::accept(const StateView& s) {
   if (coordinate_.kind != Relative::angle) return;
   Pair p{s.t, {}, {}, {}};

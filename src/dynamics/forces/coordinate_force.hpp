@@ -25,6 +25,9 @@ class CoordinateLaw {
   [[nodiscard]] virtual double by_input(const LawPoint& /*p*/, std::size_t /*i*/) const { return 0; }
   /// Energy stored; its derivative by g is the part of s that is conservative.
   [[nodiscard]] virtual double potential(double /*g*/) const { return 0; }
+  /// Whether branches() appends anything.
+  [[nodiscard]] virtual bool switches() const { return false; }
+  virtual void branches(const LawPoint& /*p*/, Branches& /*out*/) const {}
 };
 
 /// Applies a law along a relative coordinate: wrench -c s, c = dg/dx. An angle counts its turns.
@@ -40,6 +43,7 @@ class CoordinateForce final : public FrameForce {
   [[nodiscard]] const TurnCounter& turns() const { return turns_; }
   [[nodiscard]] const CoordinateLaw& strength_law() const { return *law_; }
 
+  void add_falling(const StateView& s, std::vector<FallingForce>& out) override;
   void accept(const StateView& s) override;
   void save(std::vector<double>& out) const override;
   void restore(ConstSpan& in) override;
@@ -49,6 +53,7 @@ class CoordinateForce final : public FrameForce {
   void law_derivatives(const Pair& p, Mat12& k, Mat12& d) const override;
   [[nodiscard]] Vec12 law_by_input(const Pair& p, std::size_t i) const override;
   [[nodiscard]] double potential(const Pair& p) const override;
+  void law_branches(const StateView& s, Branches& out) const override;
 
  private:
   /// Evaluates g with its gradient. @return the point for the law

@@ -12,7 +12,7 @@
 namespace espalier::dynamics {
 
 /// Pressure p(t, q, v, lambda) on a set of faces, positive towards the solid.
-class FacePressure final : public Component {
+class FacePressure final : public Component, public Switching {
  public:
   FacePressure(std::string name, std::unique_ptr<PressedFaces> faces)
       : Component(std::move(name)), faces_(std::move(faces)) {}
@@ -33,6 +33,9 @@ class FacePressure final : public Component {
   void declare_multipliers(PatternBuilder& f_lambda) const override;
   void bind_multipliers(const SparsePattern& f_lambda) override;
   void multiplier_tangent(const StateView& s, Span values) override;
+  void branches(const StateView& s, Branches& out) const override {
+    if (active_) function()->branches(s, out);
+  }
 
  private:
   /// dF/dp at a configuration, one entry for each row of the faces.

@@ -44,7 +44,6 @@ FrameForce::Pair FrameForce::pair(const StateView& s) const {
   return p;
 }
 
-// -J^T w in the coordinates of both frames: its part of F.
 std::vector<double> FrameForce::to_coordinates(ConstSpan q, const Pair& p, const Vec12& wrench) const {
   std::vector<double> all;
   for (std::size_t k = 0; k < 2; ++k) {
@@ -102,6 +101,12 @@ Vec12 FrameForce::wrenches(const StateView& s, Derivatives* derivatives) const {
 }
 
 Energy FrameForce::energy(const StateView& s) { return {0, active_ ? potential(pair(s)) : 0.0}; }
+
+void FrameForce::branches(const StateView& s, Branches& out) const {
+  if (!active_) return;
+  law_branches(s, out);
+  for (const StateFunctionPtr& u : inputs_.functions()) u->branches(s, out);
+}
 
 Wrench FrameForce::applied(const StateView& s, int f) const {
   const Vec12 w = wrenches(s, nullptr);

@@ -17,7 +17,7 @@ using Vec12 = Eigen::Matrix<double, 12, 1>;
 
 /// A force element that acts on two frames (the second may be the ground). Its law is stated in twist coordinates
 /// [A; B]; the assembly to the bodies' coordinates is done here.
-class FrameForce : public Component {
+class FrameForce : public Component, public Switching {
  public:
   FrameForce(std::string name, FramePtr a, FramePtr b);
 
@@ -39,6 +39,8 @@ class FrameForce : public Component {
   void bind_multipliers(const SparsePattern& f_lambda) override;
   void multiplier_tangent(const StateView& s, Span values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
+  /// Those of its law and of its inputs.
+  void branches(const StateView& s, Branches& out) const override;
   /// Force and moment on frame A (0) or B (1) at its origin, in global axes.
   [[nodiscard]] Wrench applied(const StateView& s, int f) const;
 
@@ -63,12 +65,13 @@ class FrameForce : public Component {
   /// Derivative of the wrenches by input i.
   [[nodiscard]] virtual Vec12 law_by_input(const Pair& /*p*/, std::size_t /*i*/) const { return Vec12::Zero(); }
   [[nodiscard]] virtual double potential(const Pair& /*p*/) const { return 0; }
-
- private:
+  virtual void law_branches(const StateView& /*s*/, Branches& /*out*/) const {}
   [[nodiscard]] Pair pair(const StateView& s) const;
   [[nodiscard]] std::vector<Index> all_coordinates() const;
-  std::vector<double> to_coordinates(ConstSpan q, const Pair& p, const Vec12& wrench) const;
+  /// -J^T wrench in these coordinates.
+  [[nodiscard]] std::vector<double> to_coordinates(ConstSpan q, const Pair& p, const Vec12& wrench) const;
 
+ private:
   std::array<FramePtr, 2> frames_;
   ForceInputs inputs_;
   bool active_ = true;

@@ -160,6 +160,13 @@ class Guide final : public FrameForce {
 
   [[nodiscard]] double potential(const Pair& p) const override { return contact(p).n.energy; }
 
+  void law_branches(const StateView& s, Branches& out) const override {
+    if (law_.both_sides && law_.friction == 0) return;
+    const Contact c = contact(pair(s));
+    if (!law_.both_sides) out.push_back({.value = c.at.distance, .dead = 1e-9 * law_.smoothing});
+    if (law_.friction > 0) out.push_back({.value = c.n.force == 0 ? 0 : c.slip, .dead = 0.1 * law_.slip_speed});
+  }
+
  private:
   GuideLaw law_;
 };

@@ -27,9 +27,29 @@ Quotient quotient(const FrictionCurve& c, double s) {
   return {mu / s, (mu_slope - mu / s) / (s * s)};
 }
 
+/// The coefficient a at rest with which the largest mu(s) is the static one, tanh and all: at stribeck_speed = 10
+/// slip_speed the curve with a = static would reach 0.95 of it alone.
+FrictionCurve reaching(FrictionCurve c) {
+  const double wanted = c.static_coefficient;
+  if (wanted <= c.dynamic_coefficient || c.stribeck_speed < c.slip_speed) return c;
+  const auto largest = [&c] {
+    // The maximum lies where tanh is nearly 1, at some slip speeds, or not far behind the Stribeck speed.
+    constexpr int kPoints = 400;
+    double most = 0;
+    for (int k = 1; k <= kPoints; ++k) {
+      const double s = c.slip_speed * std::pow(3 * c.stribeck_speed / c.slip_speed, static_cast<double>(k) / kPoints) *
+                       std::min(1.0, 20.0 * k / kPoints);
+      most = std::max(most, quotient(c, s).phi * s);
+    }
+    return most;
+  };
+  for (int k = 0; k < 40; ++k) c.static_coefficient *= wanted / std::max(largest(), 0.25 * wanted);
+  return c;
+}
+
 class Friction final : public CoordinateLaw {
  public:
-  explicit Friction(const FrictionLaw& law) : law_(law) {}
+  explicit Friction(const FrictionLaw& law) : law_(law) { law_.curve = reaching(law.curve); }
 
   [[nodiscard]] Strength strength(const LawPoint& p) const override {
     const Slip x = slip(p);
@@ -40,6 +60,12 @@ class Friction final : public CoordinateLaw {
   [[nodiscard]] double by_input(const LawPoint& p, std::size_t i) const override {
     const Slip x = slip(p);
     return i == 0 ? law_.radius * x.q.phi * x.u : law_.radius * p.inputs[0] * x.u * x.q.slope * x.w;
+  }
+  [[nodiscard]] bool switches() const override { return true; }
+  // Where it turns round. So slowly it creeps; across the direction of a slip there is no switch.
+  void branches(const LawPoint& p, Branches& out) const override {
+    const double w = p.inputs.size() > 1 ? p.inputs[1] : 0.0;
+    out.push_back({.value = law_.radius * p.rate, .dead = 0.1 * law_.curve.slip_speed + std::abs(w)});
   }
 
  private:

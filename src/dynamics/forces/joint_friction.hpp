@@ -8,7 +8,8 @@
 namespace espalier::dynamics {
 
 /// Coefficient of friction over the slip speed s >= 0, made smooth at rest:
-///   mu(s) = (dynamic + (static - dynamic) exp(-(s / stribeck_speed)^2)) tanh(s / slip_speed)
+///   mu(s) = (dynamic + (a - dynamic) exp(-(s / stribeck_speed)^2)) tanh(s / slip_speed)
+/// a is the static coefficient, or as much more as it takes for the largest mu to be that (stribeck_speed >= slip_speed).
 /// (Andersson, Soederberg, Bjoerklund, Tribology International 40 (2007), eq. 7 with exponent 2). A body that sticks
 /// creeps: where static N would hold a load of F, at about slip_speed atanh(F / (static N)).
 struct FrictionCurve {

@@ -18,6 +18,8 @@ class Spring final : public CoordinateLaw {
     return {s, law_.stiffness, law_.damping};
   }
   [[nodiscard]] double by_input(const LawPoint& p, std::size_t /*i*/) const override { return p.load; }
+  [[nodiscard]] bool switches() const override { return law_.active && law_.actuator.branches; }
+  void branches(const LawPoint& p, Branches& out) const override { law_.actuator.branches(p.t, out); }
   [[nodiscard]] double potential(double g) const override {
     const double stretch = g - law_.rest;
     return 0.5 * law_.stiffness * stretch * stretch + law_.preload * stretch;
@@ -161,6 +163,10 @@ class Load final : public FrameForce {
     if (law_.input[6] == static_cast<int>(i))
       w += load_factor() * law_.factor.value(p.t) * wrench(p, x.force, x.moment);
     return w;
+  }
+
+  void law_branches(const StateView& s, Branches& out) const override {
+    if (law_.factor.branches) law_.factor.branches(s.t, out);
   }
 
  private:

@@ -34,6 +34,10 @@ CompositeFunction::CompositeFunction(std::vector<StateFunctionPtr> parts) : part
   }
 }
 
+void CompositeFunction::branches(const StateView& s, Branches& out) const {
+  for (const StateFunctionPtr& part : parts_) part->branches(s, out);
+}
+
 void CompositeFunction::add_part(const StateView& s, std::size_t k, double factor, StateGradient& out) const {
   if (factor == 0) return;
   StateGradient own;

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/switching.hpp"
 
 namespace espalier::dynamics {
 
@@ -28,6 +28,8 @@ class StateFunction {
   [[nodiscard]] virtual double value(const StateView& s) const = 0;
   /// Derivatives at a state; sets the sizes of `out` and overwrites it.
   void gradient(const StateView& s, StateGradient& out) const;
+  /// Where it has corners or jumps, see Branch.
+  virtual void branches(const StateView& /*s*/, Branches& /*out*/) const {}
 
  protected:
   /// Adds the derivatives to `out`, which has its sizes.
@@ -42,6 +44,8 @@ using StateFunctionPtr = std::shared_ptr<const StateFunction>;
 class CompositeFunction : public StateFunction {
  public:
   explicit CompositeFunction(std::vector<StateFunctionPtr> parts);
+  /// Those of its parts.
+  void branches(const StateView& s, Branches& out) const override;
 
  protected:
   [[nodiscard]] const std::vector<StateFunctionPtr>& parts() const { return parts_; }

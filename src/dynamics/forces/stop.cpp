@@ -1,5 +1,6 @@
 #include "dynamics/forces/stop.hpp"
 
+#include <cmath>
 #include <stdexcept>
 
 #include "dynamics/forces/penalty.hpp"
@@ -19,6 +20,13 @@ class Stop final : public CoordinateLaw {
   [[nodiscard]] double potential(double g) const override {
     const double p = g > law_.upper ? g - law_.upper : law_.lower - g;
     return penalty(p, law_.stiffness, law_.smoothing).energy;
+  }
+  [[nodiscard]] bool switches() const override { return true; }
+  void branches(const LawPoint& p, Branches& out) const override {
+    // So little beyond the end there is hardly a force.
+    const double dead = 1e-9 * law_.smoothing;
+    if (std::isfinite(law_.upper)) out.push_back({.value = law_.upper - p.g, .dead = dead});
+    if (std::isfinite(law_.lower)) out.push_back({.value = p.g - law_.lower, .dead = dead});
   }
 
  private:

@@ -14,6 +14,8 @@ namespace {
 // Per step that renews the factor because the configuration moved beyond its reach: the reach is tried again after some
 // ln 2 / ln 1.02 = 35 of them, so that a wrong guess costs little either way.
 constexpr double kReachGrowth = 1.02;
+// A step is shortened at most so often because something switched in it unseen.
+constexpr int kMostUnseen = 40;
 }  // namespace
 
 BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
@@ -66,6 +68,7 @@ void BdfIntegrator::start(const State& state) {
   });
   std::vector<double> q_past(state.q.size());
   equations_.system().retract(state.q, dq_, q_past);
+  switching_ = switching_laws(equations_.system());
   equations_.system().accept(state.view());
   history_.push(state.t - past, q_past, dv_, state.lambda, equations_.pool());
   history_.push(state.t, state.q, state.v, state.lambda, equations_.pool());
@@ -250,6 +253,7 @@ StepReport BdfIntegrator::step_here(double t_limit) {
   error_weights();
   if (options_.fixed_order > 0) order_ = std::min({options_.fixed_order, order_ + 1, std::max(1, history_.size() - 1)});
   bool retry = false;
+  int unseen = 0;
   longest_try_ = 0;
   for (;;) {
     const double h = clip(h_, t_limit);
@@ -267,10 +271,17 @@ StepReport BdfIntegrator::step_here(double t_limit) {
     retry = false;
     if (fixed) break;
     report.error = error_estimate(order_);
-    if (report.error <= 1) break;
+    if (report.error > 1) {
+      ++report.error_failures;
+      h_ = h;
+      reject(report.error, report.error_failures);
+      continue;
+    }
+    const double share = unseen < kMostUnseen ? std::min(growing_share(), unseen_share()) : 1;
+    if (share >= 1) break;
     ++report.error_failures;
-    h_ = h;
-    reject(report.error, report.error_failures);
+    ++unseen;
+    h_ = share * h;
   }
   report.factorizations = static_cast<int>(equations_.counts().factorizations - factorizations);
   if (options_.measure_blocks) measure_blocks();
@@ -352,6 +363,7 @@ void BdfIntegrator::accept(StepReport& report) {
   } else if (options_.fixed_step == 0) {
     h_ = formula_.h;
     choose_step(error);
+    h_ = std::min(h_, growing_step_);
   }
   if (report.crossings > 0) {
     projected_left_ = std::max(projected_left_ - 1, 0);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "dynamics/dae/switching.hpp"
 #include "dynamics/dae/vectors.hpp"
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/integrator.hpp"
@@ -164,6 +165,9 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
+  [[nodiscard]] double unseen_share();
+  [[nodiscard]] double growing_share();
+  void measure_falling_masses(const std::vector<FallingForce>& forces);
   [[nodiscard]] bool first_points(double h, StepReport& report);
   [[nodiscard]] StepReport step_here(double t_limit);
   void take_up(const Error& error);
@@ -185,6 +189,10 @@ class BdfIntegrator final : public Integrator {
 
   Equations& equations_;
   BdfOptions options_;
+  std::vector<Switching*> switching_;   // laws of the system that switch
+  std::vector<double> falling_masses_;  // of forces that fall with the speed, see growing_share()
+  long falling_measured_ = 0;           // number of the step of it
+  double growing_step_ = std::numeric_limits<double>::infinity();  // as long as what such forces drive is resolved
   SharedVectors vectors_;
   History history_;
   State state_;  // accepted

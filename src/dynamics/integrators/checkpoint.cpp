@@ -96,6 +96,7 @@ void BdfIntegrator::save(std::vector<double>& out) {
   }
   leave_device();
   equations_.forget_analysis();
+  falling_masses_.clear();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
   first_.reset();  // begins anew at the present state, with steps as short as they were at the start
@@ -126,6 +127,7 @@ void BdfIntegrator::restore(ConstSpan& in) {
   order_ = std::max(1, std::min(order_, history_.size() - 1));  // of a run with a higher order
   first_.reset();
   equations_.forget_analysis();
+  falling_masses_.clear();
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
 }

@@ -2,8 +2,10 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "base/at.hpp"
 #include "dynamics/dae/products.hpp"
@@ -17,10 +19,71 @@ constexpr double kLastChange = 1e-10;     // change of a pass over the largest d
 constexpr double kShrinks = 0.7;          // passes that gain less are at the rounding of the differences
 constexpr double kRoundingShare = 1e-13;  // change of a state by a whole step that is none, over its size
 constexpr int kFirstPasses = 4;           // before that is looked at
+constexpr double kRounding = 1e-7;        // changes below this that do not shrink are rounding
+constexpr int kMostPoor = 8;              // passes in a row that gain nothing
+constexpr double kSlow = 0.3;             // passes that shrink less are helped
 
 void add_to(std::vector<double>& x, double factor, const std::vector<double>& y) {
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += factor * y[i];
 }
+
+/// Anderson's mixing of passes x -> g(x): the combination of the last ones whose change is least (Walker, Ni, SIAM J.
+/// Numer. Anal. 49 (2011)). Of a linear g whose matrix differs from the exact one in few directions it is exact after as
+/// many passes.
+class PassMemory {
+ public:
+  void begin() { begun_ = true; }
+  [[nodiscard]] bool begun() const { return begun_; }
+  /// @param x  where a pass began @param g  what it made of it @return where the next one should begin
+  [[nodiscard]] Variation next(const Variation& x, const Variation& g) {
+    if (scale_.size() == 0) scale_ = scales(g);
+    const Eigen::VectorXd from = packed(x), to = packed(g);
+    g_.push_back(to);
+    change_.push_back(scale_.cwiseProduct(to - from));
+    if (g_.size() > kMost) {
+      g_.pop_front();
+      change_.pop_front();
+    }
+    if (g_.size() < 2) return g;
+    const auto columns = static_cast<Eigen::Index>(g_.size()) - 1;
+    Eigen::MatrixXd of_change(to.size(), columns), of_g(to.size(), columns);
+    for (Eigen::Index j = 0; j < columns; ++j) {
+      const auto k = static_cast<std::size_t>(j);
+      of_change.col(j) = change_[k + 1] - change_[k];
+      of_g.col(j) = g_[k + 1] - g_[k];
+    }
+    const Eigen::VectorXd mix = of_change.colPivHouseholderQr().solve(change_.back());
+    return unpacked(to - of_g * mix, g);
+  }
+
+ private:
+  static constexpr std::size_t kMost = 20;
+  static Eigen::VectorXd packed(const Variation& x) {
+    Eigen::VectorXd all(static_cast<Eigen::Index>(x.dq.size() + x.dv.size() + x.da.size() + x.dlambda.size()));
+    Eigen::Index at = 0;
+    for (const auto* part : {&x.dq, &x.dv, &x.da, &x.dlambda})
+      for (const double y : *part) all[at++] = y;
+    return all;
+  }
+  static Variation unpacked(const Eigen::VectorXd& all, Variation x) {
+    Eigen::Index at = 0;
+    for (auto* part : {&x.dq, &x.dv, &x.da, &x.dlambda})
+      for (double& y : *part) y = all[at++];
+    return x;
+  }
+  /// One over the largest number of each of the four parts.
+  static Eigen::VectorXd scales(Variation x) {
+    for (auto* part : {&x.dq, &x.dv, &x.da, &x.dlambda}) {
+      const double size = max_norm(*part);
+      std::fill(part->begin(), part->end(), size > 0 ? 1 / size : 1.0);
+    }
+    return packed(x);
+  }
+
+  bool begun_ = false;
+  Eigen::VectorXd scale_;
+  std::deque<Eigen::VectorXd> g_, change_;
+};
 
 }  // namespace
 
@@ -199,14 +262,25 @@ void ForwardSensitivity::settle(Side& side, const State& now, const SidePast pas
   side.nothing_q = std::max(side.nothing_q, kRoundingShare * max_norm(now.q) / side.of.step);
   side.nothing_v = std::max(side.nothing_v, kRoundingShare * max_norm(now.v) / side.of.step);
   Change change;
-  double size = 0;
+  double size = 0, least = std::numeric_limits<double>::infinity();
+  int poor = 0;
+  PassMemory memory;
   for (int k = 0; k < kMostPasses; ++k) {
     const double before = size;
+    const Variation from = side.s;
     change = pass(side, past, now);
     size = relative(side, change);
     if (!std::isfinite(size))
       throw Error(StatusCode::accuracy_not_reached, fmt::format("the sensitivities at t = {:g} are no numbers", now.t));
-    if (size <= kLastChange || (k >= kFirstPasses && size > kShrinks * before)) break;
+    const bool stands = size > kShrinks * std::min(before, least);
+    poor = stands ? poor + 1 : 0;
+    if (size <= kLastChange || (k >= kFirstPasses && stands && (size < kRounding || poor > kMostPoor))) break;
+    least = std::min(least, size);
+    // Where the tangent of the nominal system is not that of both sides (one sticks, one slips), passes alone diverge.
+    if (k > 0 && size > kSlow * before) memory.begin();
+    if (!memory.begun()) continue;
+    side.s = memory.next(from, side.s);
+    place(side, now);
   }
   side.left = {std::max(side.left.q, change.q), std::max(side.left.v, change.v)};
 }

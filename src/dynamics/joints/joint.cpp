@@ -135,6 +135,11 @@ TurnCounter Joint::followed(const JointRow::Term& term, TurnCounter turns, doubl
   return turns;
 }
 
+void Joint::branches(const StateView& s, Branches& out) const {
+  for (const JointRow& row : rows_)
+    if (row.driven && row.function.branches) row.function.branches(s.t, out);
+}
+
 void Joint::accept(const StateView& s) {
   if (!counts_turns_ && !spin_) return;
   evaluate_frames(s.q, s.v);

@@ -38,7 +38,7 @@ struct Wrench {
 };
 
 /// A joint between frames (two for nearly all kinds). Made by the functions below or from rows of one's own.
-class Joint final : public Component {
+class Joint final : public Component, public Switching {
  public:
   /// `kind` is the word used in names, for instance "revolute".
   /// @throws std::invalid_argument if a row uses the rotation of a frame that has none
@@ -69,6 +69,7 @@ class Joint final : public Component {
   void residual(const StateView& s, Span f) override;
   void constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) override;
   void tangent(const StateView& s, const TangentWeights& weights, Span w_values) override;
+  void branches(const StateView& s, Branches& out) const override;
   void accept(const StateView& s) override;
   void save(std::vector<double>& out) const override;
   void restore(ConstSpan& in) override;

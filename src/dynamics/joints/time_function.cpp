@@ -35,6 +35,7 @@ TimeFunction TimeFunction::smooth_step(double t0, double from, double t1, double
     const double s = place(t);
     return height / (length * length) * 60 * s * (1 - s) * (1 - 2 * s);
   };
+  f.branches = [=](double t, Branches& out) { out.push_back({level_of_step((t - t0) / length), true, true}); };
   return f;
 }
 

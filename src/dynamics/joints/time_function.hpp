@@ -4,6 +4,8 @@
 
 #include <functional>
 
+#include "dynamics/dae/switching.hpp"
+
 namespace espalier::dynamics {
 
 /// f(t), f'(t), f''(t). Default: zero.
@@ -11,6 +13,8 @@ struct TimeFunction {
   std::function<double(double)> value = [](double) { return 0.0; };
   std::function<double(double)> rate = [](double) { return 0.0; };
   std::function<double(double)> acceleration = [](double) { return 0.0; };
+  /// Appends where it has corners, see Branch; empty: nowhere.
+  std::function<void(double, Branches&)> branches;
 
   [[nodiscard]] static TimeFunction constant(double c);
   /// c + s t

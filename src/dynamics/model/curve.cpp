@@ -20,12 +20,36 @@ Curve::Curve(std::string name, std::vector<double> x, std::vector<double> y, Kin
       throw std::invalid_argument(
           fmt::format("x must increase from point to point, but point {} has {} after {}", i + 1, x_[i], x_[i - 1]));
   }
+  find_corners(kind == Kind::linear ? 1e-3 : 0.3);
   if (kind == Kind::linear) return;
   slope_.assign(x_.size(), secant(0));
   if (x_.size() == 2) return;
   if (kind == Kind::akima) akima_slopes();
   if (kind == Kind::monotone) monotone_slopes();
   if (kind == Kind::cubic) natural_slopes();
+}
+
+void Curve::find_corners(double sharp) {
+  const auto [least, most] = std::minmax_element(y_.begin(), y_.end());
+  const std::size_t n = x_.size();
+  const bool flat = outside_ == Outside::constant;
+  for (std::size_t i = 0; i < n; ++i) {
+    const bool first = i == 0, last = i + 1 == n;
+    if ((first || last) && !flat) continue;
+    const double before = first ? 0 : secant(i - 1), after = last ? 0 : secant(i);
+    const double width = first ? x_[1] - x_[0] : last ? x_[i] - x_[i - 1] : std::min(x_[i] - x_[i - 1], x_[i + 1] - x_[i]);
+    if (std::abs(after - before) * width > sharp * (*most - *least)) corners_.push_back(x_[i]);
+  }
+}
+
+double Curve::level(double x) const {
+  const double width = x_.back() - x_.front();
+  const auto behind = std::upper_bound(corners_.begin(), corners_.end(), x);
+  const auto k = static_cast<double>(behind - corners_.begin());
+  if (behind == corners_.begin()) return std::max(-0.5, (x - corners_.front()) / width);
+  const double corner = *(behind - 1);
+  if (behind == corners_.end()) return k - 1 + std::min(0.5, (x - corner) / width);
+  return k - 1 + (x - corner) / (*behind - corner);
 }
 
 // With m_i the secants and two more on either side by extrapolation, m_{-1} = 2 m_0 - m_1 ...: the slope at point i is

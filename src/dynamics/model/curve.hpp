@@ -34,6 +34,12 @@ class Curve {
   /// @throws espalier::Error(invalid_input) naming curve, x and the range where x lies outside and Outside is error
   [[nodiscard]] CurvePoint at(double x) const;
   [[nodiscard]] const std::string& name() const { return name_; }
+  /// Points where it bends so sharply that a step of time must not leave out more than one of them: a straight line from
+  /// point to point there misses it by more than a thousandth of its whole range (linear), or by a third of it (the
+  /// smooth kinds: what has two or three points alone).
+  [[nodiscard]] bool has_corners() const { return !corners_.empty(); }
+  /// Rises by 1 from corner to corner; a whole number at each.
+  [[nodiscard]] double level(double x) const;
 
  private:
   void akima_slopes();
@@ -42,8 +48,11 @@ class Curve {
   [[nodiscard]] CurvePoint inside(double x) const;
   [[nodiscard]] double secant(std::size_t i) const { return (y_[i + 1] - y_[i]) / (x_[i + 1] - x_[i]); }
 
+  void find_corners(double sharp);
+
   std::string name_;
   std::vector<double> x_, y_, slope_;  // slope_: at the points; empty for linear
+  std::vector<double> corners_;        // their x
   Outside outside_;
 };
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "dynamics/integrators/interpolation.hpp"
+
 namespace espalier::dynamics::model {
 
 std::vector<std::size_t> EventWatch::happening(const StateView& s) const {
@@ -70,6 +72,18 @@ double EventWatch::tolerance(const Watched& watched, double t, double step) cons
   return std::max(least, 16 * std::numeric_limits<double>::epsilon() * std::abs(t));
 }
 
+// The share of a step at which a condition holds that holds at neither end, or something strikes.
+double EventWatch::unseen(const State& begin, const State& end) const {
+  const StepPath path(
+      begin, end, [&](double t) { return between(mechanism_.system, begin, end, t); }, 0,
+      model_.integrator.method == Method::bdf ? model_.integrator.bdf.absolute : 0);
+  return first_unseen(path, [this](const StateView& s, Branches& out) {
+    for (std::size_t k = 0; k < model_.events.size(); ++k)
+      if (!mechanism_.controls->events[k].spent) out.push_back({.value = mechanism_.conditions[k]->value(s)});
+    if (!mechanism_.impacts.empty()) out.push_back({.value = closing(s)});
+  });
+}
+
 StepReport EventWatch::step(std::unique_ptr<Integrator>& integrator, double t_limit) {
   const Memory memory = remember(*integrator);
   const double begin = integrator->state().t;
@@ -78,6 +92,13 @@ StepReport EventWatch::step(std::unique_ptr<Integrator>& integrator, double t_li
     if (safe > begin) t_limit = std::min(t_limit, safe);
   }
   StepReport report = integrator->step(t_limit);
+  constexpr int kMostUnseen = 10;
+  for (int k = 0; k < kMostUnseen; ++k) {
+    const State& end = integrator->state();
+    const double share = unseen(memory.integrator->state(), end);
+    if (share >= 1) break;
+    report = step_again(memory, begin + share * (end.t - begin), integrator);
+  }
   const Watched watched{happening(integrator->state().view()), strikes(integrator->state().view())};
   if (watched.events.empty() && !watched.impact) return report;
   // Illinois: the secant between a (no condition holds) and b (one does); the weight of an end that stays is halved.

@@ -45,6 +45,7 @@ class EventWatch {
     bool impact = false;
   };
   [[nodiscard]] double closing(const StateView& s) const;
+  [[nodiscard]] double unseen(const State& begin, const State& end) const;
   [[nodiscard]] double largest(const StateView& s, const Watched& watched) const;
   [[nodiscard]] double tolerance(const Watched& watched, double t, double step) const;
 

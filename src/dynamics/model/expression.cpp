@@ -15,9 +15,62 @@ std::vector<std::string> Expression::functions() {
   return names;
 }
 
-Jet Expression::evaluate(const Jet& time, std::span<const Jet> given) const {
+std::size_t Expression::Code::operands() const {
+  switch (kind) {
+    case Kind::number:
+    case Kind::time:
+    case Kind::quantity:
+      return 0;
+    case Kind::negate:
+    case Kind::call1:
+    case Kind::curve:
+      return 1;
+    case Kind::ramp:
+      return 3;
+    case Kind::step:
+      return 5;
+    default:
+      return 2;
+  }
+}
+
+// @param stack  the operands on top
+void Expression::note_branch(const Code& c, std::span<const Jet> stack, bool timed, Branches& out) const {
+  // The difference of numbers of this size is rounding.
+  constexpr double kRounding = 1e-13;
+  const auto which = static_cast<std::size_t>(c.function);
+  const auto operand = [&](std::size_t from_top) { return stack[stack.size() - from_top].value; };
+  const auto corner = [&](Corner kind, double zero, double size, double level) {
+    if (kind == Corner::zero) out.push_back({zero, false, timed, kRounding * size});
+    if (kind == Corner::whole) out.push_back({level, true, timed});
+    if (kind == Corner::half) out.push_back({level + 0.5, true, timed});
+  };
+  switch (c.kind) {
+    case Code::Kind::modulo:
+      return corner(Corner::whole, 0, 0, operand(2) / operand(1));
+    case Code::Kind::call1:
+      return corner(functions1()[which].corner, operand(1), 0, operand(1));
+    case Code::Kind::call2: {
+      const double a = operand(2), b = operand(1);
+      return corner(functions2()[which].corner, a - b, std::abs(a) + std::abs(b), a / b);
+    }
+    case Code::Kind::curve:
+      if (curves_[which]->has_corners()) out.push_back({curves_[which]->level(operand(1)), true, timed});
+      return;
+    case Code::Kind::step:
+      return out.push_back({level_of_step((operand(5) - operand(4)) / (operand(2) - operand(4))), true, timed});
+    case Code::Kind::ramp:
+      return out.push_back({level_of_step((operand(3) - operand(2)) / (operand(1) - operand(2))), true, timed});
+    default:
+      return;
+  }
+}
+
+// @param out  null: branches are not asked for
+Jet Expression::run(const Jet& time, std::span<const Jet> given, Branches* out) const {
   std::vector<Jet> stack;
   stack.reserve(8);
+  std::vector<bool> timed;  // of the stack: no quantity takes part
   const auto pop = [&stack] {
     const Jet top = stack.back();
     stack.pop_back();
@@ -28,6 +81,12 @@ Jet Expression::evaluate(const Jet& time, std::span<const Jet> given) const {
     stack.push_back(operation(a, b));
   };
   for (const Code& c : code_) {
+    if (out != nullptr) {
+      bool of_time = c.kind != Code::Kind::quantity;
+      for (std::size_t k = c.operands(); k > 0; --k, timed.pop_back()) of_time = of_time && timed.back();
+      timed.push_back(of_time);
+      note_branch(c, stack, of_time, *out);
+    }
     switch (c.kind) {
       case Code::Kind::number:
         stack.push_back({c.number});
@@ -97,7 +156,8 @@ TimeFunction Expression::function(const std::string& place) const {
       return number;
     };
   };
-  return {part(&Jet::value, "value"), part(&Jet::rate, "rate"), part(&Jet::acceleration, "second derivative")};
+  return {part(&Jet::value, "value"), part(&Jet::rate, "rate"), part(&Jet::acceleration, "second derivative"),
+          [shared](double t, Branches& out) { shared->branches(t, {}, out); }};
 }
 
 }  // namespace espalier::dynamics::model

@@ -45,7 +45,10 @@ class Expression {
   [[nodiscard]] Jet jet(double t) const { return evaluate({t, 1, 0}, {}); }
   /// @param given one jet for each of quantities(). The derivatives are those along the one that time and quantities
   /// have.
-  [[nodiscard]] Jet evaluate(const Jet& time, std::span<const Jet> given) const;
+  [[nodiscard]] Jet evaluate(const Jet& time, std::span<const Jet> given) const { return run(time, given, nullptr); }
+  /// Appends where the text has corners and jumps (abs, sign, min, max, floor, ceil, round, mod, %, the ends of step and
+  /// ramp, corners of splines). @param given as for evaluate()
+  void branches(double t, std::span<const Jet> given, Branches& out) const { (void)run({t, 0, 0}, given, &out); }
   [[nodiscard]] const std::string& text() const { return text_; }
   [[nodiscard]] const std::vector<Unknown>& quantities() const { return quantities_; }
   /// Functions that may be splines; each has to be given by set_curve() before the expression is evaluated.
@@ -81,7 +84,11 @@ class Expression {
     Kind kind;
     double number = 0;
     int function = 0;  ///< of functions, quantities and curves: which
+    [[nodiscard]] std::size_t operands() const;
   };
+  [[nodiscard]] Jet run(const Jet& time, std::span<const Jet> given, Branches* out) const;
+  void note_branch(const Code& c, std::span<const Jet> stack, bool timed, Branches& out) const;
+
   std::string text_;
   std::vector<Code> code_;
   std::vector<Unknown> quantities_, curve_names_;

@@ -90,6 +90,10 @@ class ExpressionFunction final : public CompositeFunction {
     if (!std::isfinite(y)) refuse("value", s.t);
     return y;
   }
+  void branches(const StateView& s, Branches& out) const override {
+    CompositeFunction::branches(s, out);
+    formula_.expression.branches(s.t, jets_of(s), out);
+  }
 
  protected:
   void add_gradient(const StateView& s, StateGradient& out) const override {

@@ -104,19 +104,19 @@ const std::array kFunctions1 = {
                 if (x.rate == 0 && x.acceleration == 0) return Jet{s};
                 return chain(x, s, 0.5 / s, -0.25 / (s * x.value));
               }},
-    Function1{"abs", [](const Jet& x) { return x.value < 0 ? -x : x; }},
+    Function1{"abs", [](const Jet& x) { return x.value < 0 ? -x : x; }, Corner::zero},
     Function1{"sign", [](const Jet& x) { return Jet{x.value > 0   ? 1.0
                                                     : x.value < 0 ? -1.0
-                                                                  : 0.0}; }},
-    Function1{"floor", [](const Jet& x) { return Jet{std::floor(x.value)}; }},
-    Function1{"ceil", [](const Jet& x) { return Jet{std::ceil(x.value)}; }},
-    Function1{"round", [](const Jet& x) { return Jet{std::round(x.value)}; }},
+                                                                  : 0.0}; }, Corner::zero},
+    Function1{"floor", [](const Jet& x) { return Jet{std::floor(x.value)}; }, Corner::whole},
+    Function1{"ceil", [](const Jet& x) { return Jet{std::ceil(x.value)}; }, Corner::whole},
+    Function1{"round", [](const Jet& x) { return Jet{std::round(x.value)}; }, Corner::half},
 };
 
 const std::array kFunctions2 = {
-    Function2{"min", [](const Jet& a, const Jet& b) { return b.value < a.value ? b : a; }},
-    Function2{"max", [](const Jet& a, const Jet& b) { return b.value > a.value ? b : a; }},
-    Function2{"mod", modulo},
+    Function2{"min", [](const Jet& a, const Jet& b) { return b.value < a.value ? b : a; }, Corner::zero},
+    Function2{"max", [](const Jet& a, const Jet& b) { return b.value > a.value ? b : a; }, Corner::zero},
+    Function2{"mod", modulo, Corner::whole},
     Function2{"atan2",
               [](const Jet& y, const Jet& x) {
                 const double r2 = x.value * x.value + y.value * y.value;

@@ -31,15 +31,21 @@ struct Jet {
 /// Integral of smooth(): s^4 (5/2 - 3 s + s^2), and s - 1/2 beyond 1.
 [[nodiscard]] Jet smooth_integral(const Jet& x);
 
+/// Where a function has a corner or a jump: where its argument (of min and max: the difference, of mod the quotient of
+/// both) is zero, a whole number, or half way between two.
+enum class Corner { none, zero, whole, half };
+
 /// A function of one number, by its name in texts.
 struct Function1 {
   std::string_view name;
   Jet (*apply)(const Jet&);
+  Corner corner = Corner::none;
 };
 /// A function of two numbers.
 struct Function2 {
   std::string_view name;
   Jet (*apply)(const Jet&, const Jet&);
+  Corner corner = Corner::none;
 };
 /// All functions of one number, and of two.
 [[nodiscard]] std::span<const Function1> functions1();

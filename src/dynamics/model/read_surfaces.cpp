@@ -108,7 +108,11 @@ contact::ContactLaw read_contact_law(Section& s) {
            "does not go with law = \"impulse\", whose stiffness only holds what rests, critically damped");
   if (law.restitution < 1 && law.damping > 0) fail(s.place("damping"), "does not go with 'restitution'");
   law.friction = number_from_zero(s, "friction");
-  if (law.friction > 0) {
+  law.static_friction = number_from_zero(s, "static");
+  if (law.static_friction > 0 && law.static_friction < law.friction)
+    fail(s.place("static"), "must not be below 'friction', that of sliding");
+  if (law.falls()) law.stribeck_speed = s.positive("stribeck_speed");
+  if (law.rubs()) {
     // Mindlin: 2 (1 - nu) / (2 - nu) of the normal stiffness, 0.82 for nu = 0.3
     constexpr double kMindlin = 0.8;
     if (law.exponent != 1 && !s.has("tangential_stiffness"))

@@ -36,6 +36,7 @@ using dynamics::model::Value;
 // Stiff directions magnify both errors of a central difference, the square of the step and rounding over it, alike.
 constexpr double kRelativeStep = 5e-6;
 constexpr double kStepOfStatics = 1e-4;  // the two starts are equilibria, to their tolerance
+constexpr double kMostDefect = 1e-6;     // of derivatives that are given
 
 std::size_t position_of(const std::vector<std::string>& names, const std::string& name) {
   const auto it = std::find(names.begin(), names.end(), name);
@@ -58,13 +59,13 @@ class SensitivityRun {
       throw Error(StatusCode::invalid_input,
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
     for (const dynamics::model::ContactSpec& c : model.contacts) {
-      remembers_ = remembers_ || c.law.friction > 0;
+      remembers_ = remembers_ || c.law.rubs();
       // The copies do not take part in what these do between Newton's passes, or in jumps of the velocities.
       if (c.law.impulse || c.penetration > 0)
         dynamics::model::fail(c.place, fmt::format("sensitivities do not pass contacts with {} yet",
                                                    c.law.impulse ? "impulses (the penalty works)"
                                                                  : "a chosen penetration (stiffness alone works)"));
-      if (c.law.friction > 0 && (model.statics || model.initial.statics))
+      if (c.law.rubs() && (model.statics || model.initial.statics))
         dynamics::model::fail(c.place,
                               "sensitivities of equilibria do not pass contacts with friction yet, whose forces "
                               "depend on the way there");
@@ -126,6 +127,13 @@ class SensitivityRun {
       });
     }
     result_.defect = forward.defect();
+    if (!(result_.defect <= kMostDefect))
+      throw Error(StatusCode::accuracy_not_reached,
+                  fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than {:g}: "
+                              "the model may have a kink or a jump (contact that opens or closes, friction that sticks or "
+                              "slips) within the step of a parameter; take smaller SensitivityParameter::step, or tighter "
+                              "tolerances of the run",
+                              result_.defect, kMostDefect));
   }
 
  private:
@@ -166,7 +174,7 @@ class SensitivityRun {
         for (const dynamics::contact::Contact* part : built.parts)
           solid =
               solid || (built.name == c.name && dynamic_cast<const dynamics::contact::RigidContact*>(part) == nullptr);
-      if (c.law.friction > 0 || c.law.restitution < 1 || solid)
+      if (c.law.rubs() || c.law.restitution < 1 || solid)
         dynamics::model::fail(c.place,
                               "the adjoint method does not pass contacts with friction or restitution, or of "
                               "deformable bodies, which remember something from step to step: take the forward one");
