@@ -14,22 +14,22 @@
 namespace espalier::modes {
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
 using Complex = std::complex<double>;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kQuadraticEpsilon = std::numeric_limits<double>::epsilon();
 constexpr double kDependent = 1e-11;  // of the largest singular value: nothing
 constexpr double kTiny = 1e-300;
-constexpr double kGoodResidual = 1e-9;
+constexpr double kSeenResidual = 1e-9;
 
 [[noreturn]] void refuse_shift(double shift) {
-  throw Error(StatusCode::singular, fmt::format("Q({:g}) is singular: the shift is an eigenvalue, or rows depend on each "
-                                                "other whatever the shift",
-                                                shift));
+  throw Error(StatusCode::singular,
+              fmt::format("Q({:g}) is singular: the shift is an eigenvalue, or rows depend on each "
+                          "other whatever the shift",
+                          shift));
 }
 
 VectorXd inverse_or_one(const VectorXd& v) {
@@ -68,7 +68,7 @@ MatrixXd null_space(const MatrixXd& a, double shift) {
 class Reduced {
  public:
   Reduced(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
-    for (Index i = 0; i < k.rows(); ++i) {
+    for (Eigen::Index i = 0; i < k.rows(); ++i) {
       const bool known = m.row(i).any() || m.col(i).any() || c.row(i).any() || c.col(i).any();
       (known ? dynamic_ : static_).push_back(i);
     }
@@ -80,7 +80,7 @@ class Reduced {
     const Equilibrated own(k(static_, static_));
     const Eigen::JacobiSVD<MatrixXd> svd(own.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
     const VectorXd& s = svd.singularValues();
-    const Index rank = (s.array() > kDependent * std::max(s[0], kTiny)).count();
+    const Eigen::Index rank = (s.array() > kDependent * std::max(s[0], kTiny)).count();
     const MatrixXd u = own.rows.asDiagonal() * svd.matrixU(), v = own.columns.asDiagonal() * svd.matrixV();
     const MatrixXd k_ad = k(static_, dynamic_), k_da = k(dynamic_, static_);
     follows_ = v.leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal() * u.leftCols(rank).transpose() * k_ad;
@@ -98,7 +98,7 @@ class Reduced {
   /// The whole vector to one of the reduced problem.
   [[nodiscard]] VectorXcd expanded(Complex l, const VectorXcd& y) const {
     const VectorXcd x = right_ * y;
-    VectorXcd out(static_cast<Index>(static_.size() + dynamic_.size()));
+    VectorXcd out(static_cast<Eigen::Index>(static_.size() + dynamic_.size()));
     out(dynamic_) = x;
     if (static_.empty()) return x;
     VectorXcd rest = -(follows_ * x);
@@ -111,7 +111,7 @@ class Reduced {
   }
 
  private:
-  std::vector<Index> dynamic_, static_;
+  std::vector<Eigen::Index> dynamic_, static_;
   MatrixXd k_, c_, m_, follows_, free_, pulls_, right_, left_;
 };
 
@@ -121,7 +121,7 @@ VectorXd balance(MatrixXd& a) {
   bool changed = true;
   for (int pass = 0; pass < 100 && changed; ++pass) {
     changed = false;
-    for (Index i = 0; i < a.rows(); ++i) {
+    for (Eigen::Index i = 0; i < a.rows(); ++i) {
       const double own = std::abs(a(i, i));
       const double column = a.col(i).lpNorm<1>() - own, row = a.row(i).lpNorm<1>() - own;
       if (!(column > 0) || !(row > 0)) continue;
@@ -137,11 +137,11 @@ VectorXd balance(MatrixXd& a) {
 }
 
 /// Infinite eigenvalues at least: null vectors of M, and those of C among them.
-Index infinite(const MatrixXd& c, const MatrixXd& m) {
+Eigen::Index infinite(const MatrixXd& c, const MatrixXd& m) {
   const Equilibrated scaled(m);
   const Eigen::JacobiSVD<MatrixXd> svd(scaled.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
   const VectorXd& s = svd.singularValues();
-  const Index null = s.size() - (s.array() > kDependent * std::max(s[0], kTiny)).count();
+  const Eigen::Index null = s.size() - (s.array() > kDependent * std::max(s[0], kTiny)).count();
   if (null == 0) return 0;
   const MatrixXd u = scaled.rows.asDiagonal() * svd.matrixU().rightCols(null);
   const MatrixXd v = scaled.columns.asDiagonal() * svd.matrixV().rightCols(null);
@@ -173,10 +173,10 @@ class Residuals {
 /// theta [x; y] = [-Q(s)^-1 ((C + 2 s M) x + M y); x], l = s + 1 / theta, in equilibrated unknowns x = E z.
 struct Linearized {
   Linearized(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
-    const Index n = k.rows();
+    const Eigen::Index n = k.rows();
     const Equilibrated q(k + shift * c + shift * shift * m);
     const Eigen::PartialPivLU<MatrixXd> lu(q.a);
-    if (!(lu.rcond() > kEpsilon)) refuse_shift(shift);
+    if (!(lu.rcond() > kQuadraticEpsilon)) refuse_shift(shift);
     a = MatrixXd::Zero(2 * n, 2 * n);
     a.topLeftCorner(n, n) = -lu.solve(q.rows.asDiagonal() * (c + 2 * shift * m) * q.columns.asDiagonal());
     a.topRightCorner(n, n) = -lu.solve(q.rows.asDiagonal() * m * q.columns.asDiagonal());
@@ -185,10 +185,10 @@ struct Linearized {
     rows = q.rows;
     columns = q.columns;
     order.resize(static_cast<std::size_t>(2 * n));
-    std::iota(order.begin(), order.end(), Index{0});
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
     const VectorXd size = a.cwiseAbs().rowwise().sum() + a.cwiseAbs().colwise().sum().transpose();
     // Large rows first: the QR algorithm then keeps small eigenvalues of graded matrices.
-    std::stable_sort(order.begin(), order.end(), [&](Index i, Index j) { return size[i] > size[j]; });
+    std::stable_sort(order.begin(), order.end(), [&](Eigen::Index i, Eigen::Index j) { return size[i] > size[j]; });
     a = a(order, order).eval();
   }
   /// z of a vector of `a`.
@@ -199,7 +199,7 @@ struct Linearized {
   }
   MatrixXd a;
   VectorXd unscale, rows, columns;
-  std::vector<Index> order;
+  std::vector<Eigen::Index> order;
 };
 
 }  // namespace
@@ -207,7 +207,7 @@ struct Linearized {
 DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
   const Reduced reduced(k, c, m, shift);
   const MatrixXd rk = reduced.k(), rc = reduced.c(), rm = reduced.m();
-  const Index n = rk.rows();
+  const Eigen::Index n = rk.rows();
   if (n == 0) return {};
   const Linearized linear(rk, rc, rm, shift);
   const Eigen::EigenSolver<MatrixXd> eigen(linear.a);
@@ -215,29 +215,29 @@ DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, 
     throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
   const VectorXcd& theta = eigen.eigenvalues();
   const MatrixXcd vectors = eigen.eigenvectors();
-  std::vector<Index> chosen(static_cast<std::size_t>(2 * n));
-  std::iota(chosen.begin(), chosen.end(), Index{0});
+  std::vector<Eigen::Index> chosen(static_cast<std::size_t>(2 * n));
+  std::iota(chosen.begin(), chosen.end(), Eigen::Index{0});
   std::stable_sort(chosen.begin(), chosen.end(),
-                   [&](Index a, Index b) { return std::abs(theta[a]) > std::abs(theta[b]); });
+                   [&](Eigen::Index a, Eigen::Index b) { return std::abs(theta[a]) > std::abs(theta[b]); });
   chosen.resize(static_cast<std::size_t>(2 * n - std::min(2 * n, infinite(rc, rm))));
   const Residuals residual(rk, rc, rm, linear.rows, linear.columns);
   DenseQuadraticModes out;
   std::vector<VectorXcd> found;
   std::vector<Complex> values;
-  for (const Index i : chosen) {
+  for (const Eigen::Index i : chosen) {
     if (theta[i].imag() > 0) continue;
     const Complex l = shift + 1.0 / theta[i];
     const VectorXcd z = linear.unknowns(vectors.col(i));
-    if (!(residual(l, z) <= kGoodResidual)) {
+    if (!(residual(l, z) <= kSeenResidual)) {
       ++out.unseen;
       continue;
     }
     values.push_back(l);
     found.push_back(reduced.expanded(l, linear.columns.cast<Complex>().cwiseProduct(z)));
   }
-  out.eigenvalues = Eigen::Map<const VectorXcd>(values.data(), static_cast<Index>(values.size()));
+  out.eigenvalues = Eigen::Map<const VectorXcd>(values.data(), static_cast<Eigen::Index>(values.size()));
   out.vectors.resize(k.rows(), out.eigenvalues.size());
-  for (std::size_t i = 0; i < found.size(); ++i) out.vectors.col(static_cast<Index>(i)) = found[i];
+  for (std::size_t i = 0; i < found.size(); ++i) out.vectors.col(static_cast<Eigen::Index>(i)) = found[i];
   return out;
 }
 

@@ -13,22 +13,21 @@
 namespace espalier::modes {
 namespace {
 
-using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kSymmetricEpsilon = std::numeric_limits<double>::epsilon();
 
 class ShiftedPencil {
  public:
   ShiftedPencil(const MatrixXd& k, const MatrixXd& m) : n_(m.rows()), border_(k.rows() - m.rows()) {
     scale_ = VectorXd::Ones(k.rows());
-    for (Index i = 0; i < n_; ++i) {
+    for (Eigen::Index i = 0; i < n_; ++i) {
       if (!(m(i, i) > 0)) refuse_mass(i);
       scale_[i] = 1 / std::sqrt(m(i, i));
     }
     k_ = scale_.asDiagonal() * k * scale_.asDiagonal();
-    for (Index r = n_; r < k.rows(); ++r) {  // rows of constraints: of length one
+    for (Eigen::Index r = n_; r < k.rows(); ++r) {  // rows of constraints: of length one
       const double length = k_.row(r).norm();
       if (!(length > 0)) throw Error(StatusCode::singular, "a constraint holds nothing");
       k_.row(r) /= length;
@@ -40,8 +39,8 @@ class ShiftedPencil {
     l_ = llt.matrixL();
   }
 
-  [[nodiscard]] Index rows() const { return n_; }
-  [[nodiscard]] Index finite() const { return n_ - border_; }
+  [[nodiscard]] Eigen::Index rows() const { return n_; }
+  [[nodiscard]] Eigen::Index finite() const { return n_ - border_; }
   /// Of the size of the largest eigenvalue.
   [[nodiscard]] double largest() const {
     const double norm = k_.topLeftCorner(n_, n_).cwiseAbs().rowwise().sum().maxCoeff();
@@ -76,11 +75,11 @@ class ShiftedPencil {
   /// By rounding of the entries of K; x as it comes from shapes().
   [[nodiscard]] double entry_rounding(const VectorXd& x) const {
     const VectorXd y = x.cwiseQuotient(scale_.head(n_)).cwiseAbs();
-    return kEpsilon / 2 * y.dot(k_.topLeftCorner(n_, n_).cwiseAbs() * y);
+    return kSymmetricEpsilon / 2 * y.dot(k_.topLeftCorner(n_, n_).cwiseAbs() * y);
   }
 
  private:
-  [[noreturn]] static void refuse_mass(Index i) {
+  [[noreturn]] static void refuse_mass(Eigen::Index i) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("the mass matrix is not positive definite{}: every unknown needs a mass",
                             i < 0 ? "" : fmt::format(", unknown {} has none", i)));
@@ -102,28 +101,29 @@ class ShiftedPencil {
   /// rounding (infinite eigenvalues, those that are too far away) comes last.
   [[nodiscard]] Slice ordered(double shift, const VectorXd& theta, const MatrixXd& u, const VectorXd& known) const {
     const double norm = theta.cwiseAbs().maxCoeff();
-    const double nothing = 10 * kEpsilon * static_cast<double>(n_) * norm;
-    std::vector<Index> seen;
-    for (Index i = 0; i < theta.size(); ++i)
+    const double nothing = 10 * kSymmetricEpsilon * static_cast<double>(n_) * norm;
+    std::vector<Eigen::Index> seen;
+    for (Eigen::Index i = 0; i < theta.size(); ++i)
       if (std::abs(theta[i]) > nothing) seen.push_back(i);
-    std::sort(seen.begin(), seen.end(), [&](Index a, Index b) {
+    std::sort(seen.begin(), seen.end(), [&](Eigen::Index a, Eigen::Index b) {
       return std::pair(theta[a] > 0, -theta[a]) < std::pair(theta[b] > 0, -theta[b]);
     });
-    const Index first = (known.array() < shift - 1 / nothing).count();  // too far below to be seen
+    const Eigen::Index first = (known.array() < shift - 1 / nothing).count();  // too far below to be seen
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
-    Slice s{VectorXd::Constant(finite(), kInfinity), VectorXd::Constant(finite(), kInfinity), MatrixXd::Zero(n_, finite())};
+    Slice s{VectorXd::Constant(finite(), kInfinity), VectorXd::Constant(finite(), kInfinity),
+            MatrixXd::Zero(n_, finite())};
     for (std::size_t j = 0; j < seen.size(); ++j) {
-      const Index number = first + static_cast<Index>(j);
+      const Eigen::Index number = first + static_cast<Eigen::Index>(j);
       if (number >= finite()) break;
       const double t = theta[seen[j]];
       s.eigenvalues[number] = shift + 1 / t;
-      s.errors[number] = 8 * kEpsilon * norm / (t * t);
+      s.errors[number] = 8 * kSymmetricEpsilon * norm / (t * t);
       s.vectors.col(number) = u.col(seen[j]);
     }
     return s;
   }
 
-  Index n_, border_;
+  Eigen::Index n_, border_;
   VectorXd scale_;
   MatrixXd k_, m_, l_;
 };
@@ -132,7 +132,7 @@ class ShiftedPencil {
 class Spectrum {
  public:
   explicit Spectrum(const ShiftedPencil& pencil) : pencil_(pencil) {
-    const Index count = pencil.finite();
+    const Eigen::Index count = pencil.finite();
     values_ = errors_ = VectorXd::Constant(count, std::numeric_limits<double>::infinity());
     vectors_ = MatrixXd::Zero(pencil.rows(), count);
   }
@@ -144,7 +144,7 @@ class Spectrum {
     for (bool lower = true; lower;) {
       look(-distance);
       double least = distance;
-      for (Index i = 0; i < values_.size(); ++i)
+      for (Eigen::Index i = 0; i < values_.size(); ++i)
         if (const double size = std::abs(values_[i]); size > kResolved * errors_[i]) least = std::min(least, size);
       lower = least < kNear * distance;
       distance = least;
@@ -152,9 +152,9 @@ class Spectrum {
   }
 
   /// Up again, until `count` are as good as they can be.
-  void ascend(Index count) {
+  void ascend(Eigen::Index count) {
     constexpr double kGood = 1e-12;
-    for (Index i = 0; i < std::min(count, values_.size()); ++i) {
+    for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i) {
       if (values_[i] <= 0 || errors_[i] <= kGood * values_[i]) continue;
       look(gap_near(i));
     }
@@ -162,7 +162,7 @@ class Spectrum {
 
   [[nodiscard]] DenseModes modes() const {
     DenseModes out{values_, pencil_.shapes(vectors_), errors_};
-    for (Index i = 0; i < values_.size(); ++i)
+    for (Eigen::Index i = 0; i < values_.size(); ++i)
       out.rounding[i] = std::max(errors_[i], pencil_.entry_rounding(out.vectors.col(i)));
     return out;
   }
@@ -170,11 +170,10 @@ class Spectrum {
  private:
   void look(double shift) {
     ShiftedPencil::Slice s = pencil_.slice(shift, values_);
-    for (int attempt = 0; s.errors.size() == 0 && attempt < 3; ++attempt)
-      s = pencil_.slice(shift *= 1 + 1e-3, values_);
+    for (int attempt = 0; s.errors.size() == 0 && attempt < 3; ++attempt) s = pencil_.slice(shift *= 1 + 1e-3, values_);
     if (s.errors.size() == 0)
       throw Error(StatusCode::singular, "K - s M is singular for every s: constraints depend on each other");
-    for (Index i = 0; i < s.errors.size(); ++i) {
+    for (Eigen::Index i = 0; i < s.errors.size(); ++i) {
       if (!(s.errors[i] < errors_[i])) continue;
       values_[i] = s.eigenvalues[i];
       errors_[i] = s.errors[i];
@@ -183,10 +182,11 @@ class Spectrum {
   }
 
   /// The middle of the widest gap next to an eigenvalue, in parts of what lies above it.
-  [[nodiscard]] double gap_near(Index i) const {
-    constexpr Index kNeighbours = 8;
+  [[nodiscard]] double gap_near(Eigen::Index i) const {
+    constexpr Eigen::Index kNeighbours = 8;
     double best = values_[i] / 2, widest = 0;
-    for (Index j = std::max<Index>(0, i - kNeighbours); j < std::min(values_.size() - 1, i + kNeighbours); ++j) {
+    for (Eigen::Index j = std::max<Eigen::Index>(0, i - kNeighbours); j < std::min(values_.size() - 1, i + kNeighbours);
+         ++j) {
       const double below = std::max(values_[j], 0.0), above = values_[j + 1];
       if (!(above > 0) || std::isinf(above) || (above - below) / above <= widest) continue;
       widest = (above - below) / above;
@@ -202,7 +202,7 @@ class Spectrum {
 
 }  // namespace
 
-DenseModes dense_modes(const MatrixXd& k, const MatrixXd& m, Index accurate) {
+DenseModes dense_modes(const MatrixXd& k, const MatrixXd& m, Eigen::Index accurate) {
   const ShiftedPencil pencil(k, m);
   if (pencil.finite() <= 0) return {};
   Spectrum spectrum(pencil);

@@ -15,12 +15,12 @@ struct DenseModes {
 };
 
 /// All finite eigenvalues of [A G^T; G 0] x = l [M 0; 0 0] x. A direct method finds each to within rounding of the
-/// largest, which drowns the lowest where stiffnesses lie far apart: the frequencies of a thin wire are 10^8 times below
-/// those of its section. Here the pencil is shifted and inverted, L^T (K - s M)^-1 L with M = L L^T, at some shifts s
-/// that come down to the lowest eigenvalue and go up again; each eigenvalue is taken from the shift that gives it best
-/// (spectral transformation: T. Ericsson, A. Ruhe, Math. Comp. 35, 1980), by its number in the order. Matrices are
-/// scaled to a unit diagonal of M and then to unit rows: units of the unknowns do not matter. O((N + m)^3) for each of
-/// some shifts.
+/// largest, which drowns the lowest where stiffnesses lie far apart: the frequencies of a thin wire are 10^8 times
+/// below those of its section. Here the pencil is shifted and inverted, L^T (K - s M)^-1 L with M = L L^T, at some
+/// shifts s that come down to the lowest eigenvalue and go up again; each eigenvalue is taken from the shift that gives
+/// it best (spectral transformation: T. Ericsson, A. Ruhe, Math. Comp. 35, 1980), by its number in the order. Matrices
+/// are scaled to a unit diagonal of M and then to unit rows: units of the unknowns do not matter. O((N + m)^3) for each
+/// of some shifts.
 /// @param k  symmetric, (N + m) x (N + m), the last m rows and columns those of constraints, which are independent
 /// @param m  symmetric, N x N
 /// @param accurate  so many of the lowest are sought at shifts of their own

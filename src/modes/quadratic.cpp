@@ -184,8 +184,7 @@ void QuadraticSearch::add(std::complex<double> l, VectorXcd x) {
 
 void QuadraticSearch::deliver(const VectorXcd& theta, const Eigen::MatrixXcd& s,
                               const std::vector<Eigen::Index>& chosen) {
-  for (const Eigen::Index k : chosen)
-    add(shift_ + 1.0 / theta[k], basis_.topLeftCorner(k_.rows, size_) * s.col(k));
+  for (const Eigen::Index k : chosen) add(shift_ + 1.0 / theta[k], basis_.topLeftCorner(k_.rows, size_) * s.col(k));
 }
 
 void QuadraticSearch::take_all() {
@@ -196,10 +195,11 @@ void QuadraticSearch::take_all() {
   for (Eigen::Index i = 0; i < std::min<Eigen::Index>(options_.count, all.eigenvalues.size()); ++i)
     add(all.eigenvalues[i], all.vectors.col(i));
   if (result_.count() < options_.count && all.unseen > 0)
-    throw Error(StatusCode::accuracy_not_reached,
-                fmt::format("{} of {} eigenvalues were found: {} lie so far from the shift that rounding hides them; seek "
-                            "next to another shift",
-                            result_.count(), options_.count, all.unseen));
+    throw Error(
+        StatusCode::accuracy_not_reached,
+        fmt::format("{} of {} eigenvalues were found: {} lie so far from the shift that rounding hides them; seek "
+                    "next to another shift",
+                    result_.count(), options_.count, all.unseen));
 }
 
 bool QuadraticSearch::look(bool last) {

@@ -17,7 +17,8 @@ bool says_energy(const Simulation& run) {
 }
 
 std::string oscillator(const std::string& force, const std::string& integrator) {
-  return "[bodies.mass]\ntype = \"rigid\"\nmass = 2\nbox = [0.1, 0.1, 0.1]\nposition = [1.2, 0, 0]\n[joints.rail]\ntype = "
+  return "[bodies.mass]\ntype = \"rigid\"\nmass = 2\nbox = [0.1, 0.1, 0.1]\nposition = [1.2, 0, "
+         "0]\n[joints.rail]\ntype = "
          "\"prismatic\"\nbodies = [\"ground\", \"mass\"]\nat = [1, 0, 0]\naxis = [1, 0, 0]\n[forces.f]\na = { body = "
          "\"ground\" }\nb = { body = \"mass\" }\n" +
          force + "[integrator]\n" + integrator;
@@ -70,7 +71,8 @@ TEST(EnergyBalance, DampersAndMotorsExplainTheirWork) {
 TEST(EnergyBalance, ImpactsAreNoSteps) {
   const std::string ball =
       "gravity = [0, 0, -10]\n[bodies.ball]\ntype = \"rigid\"\nmass = 1\nbox = [0.1, 0.1, 0.1]\nposition = [0, 0, "
-      "1]\n[surfaces.ball]\nbody = \"ball\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.floor]\nbody = \"ground\"\nshape = "
+      "1]\n[surfaces.ball]\nbody = \"ball\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.floor]\nbody = "
+      "\"ground\"\nshape = "
       "\"plane\"\n[contacts.floor]\nsurfaces = [\"floor\", \"ball\"]\nlaw = \"impulse\"\nrestitution = "
       "0.5\n[integrator]\nrelative = 1e-8\nabsolute = 1e-9\nend = 0.8\n";
   const Simulation run = simulated(ball);

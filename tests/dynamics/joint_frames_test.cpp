@@ -1,5 +1,5 @@
-// What joints mean where the text leaves something out: axes, and how faces are held. Truth: closed forms, the same model
-// with everything given, and a plate whose frequencies are known.
+// What joints mean where the text leaves something out: axes, and how faces are held. Truth: closed forms, the same
+// model with everything given, and a plate whose frequencies are known.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -32,23 +32,26 @@ TEST(JointAxes, MustBeGivenWhereTheyMatter) {
         EXPECT_NE(status.message.find(word), std::string::npos) << type << ": " << status.message;
     }
   for (const std::string type : {"fixed", "spherical"})
-    EXPECT_TRUE(simulated(rod("type = \"" + type + "\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]")).summary().steps >
-                0);
+    EXPECT_TRUE(
+        simulated(rod("type = \"" + type + "\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]")).summary().steps > 0);
 }
 
 TEST(JointAxes, OfForcesToo) {
-  const std::string model = rod("type = \"revolute\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]\naxis = [0, 1, 0]");
-  for (const std::string force : {"type = \"rotational-spring\"\nstiffness = 1", "type = \"axial-spring\"\nstiffness = 1",
-                                  "type = \"torque-motor\"\ntorque = 1", "type = \"force-motor\"\nforce = 1"}) {
+  const std::string model =
+      rod("type = \"revolute\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]\naxis = [0, 1, 0]");
+  for (const std::string force :
+       {"type = \"rotational-spring\"\nstiffness = 1", "type = \"axial-spring\"\nstiffness = 1",
+        "type = \"torque-motor\"\ntorque = 1", "type = \"force-motor\"\nforce = 1"}) {
     Simulation run;
-    const Status status =
-        run.load_text(model + "[forces.f]\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]\n" + force + "\n", "model.toml");
+    const Status status = run.load_text(
+        model + "[forces.f]\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]\n" + force + "\n", "model.toml");
     EXPECT_EQ(status.code, StatusCode::invalid_input) << force;
     EXPECT_NE(status.message.find("needs an axis"), std::string::npos) << status.message;
   }
 }
 
-// One frame says where the axis points; the other takes it from there, on a body that is turned, too. Truth: both given.
+// One frame says where the axis points; the other takes it from there, on a body that is turned, too. Truth: both
+// given.
 TEST(JointAxes, OneOfTwoFramesIsEnough) {
   const auto ends = [](const std::string& a, const std::string& b) {
     std::string text = rod("type = \"revolute\"\na = { body = \"ground\"" + a + " }\nb = { body = \"rod\"" + b + " }");
@@ -68,15 +71,18 @@ TEST(JointAxes, OneOfTwoFramesIsEnough) {
 
 std::string plate(const std::string& hold, int along, int across) {
   return fmt::format(
-      "[bodies.plate]\ntype = \"solid\"\nmesh = {{ part = \"block\", lx = 0.4, ly = 0.3, lz = 0.002, divisions = [{}, {}, "
+      "[bodies.plate]\ntype = \"solid\"\nmesh = {{ part = \"block\", lx = 0.4, ly = 0.3, lz = 0.002, divisions = [{}, "
+      "{}, "
       "1] }}\nhex8 = \"shell\"\nmaterial = {{ young = 70e9, poisson = 0.33, density = 2700 }}\n[joints.clamp]\ntype = "
-      "\"fixed\"\na = {{ body = \"ground\", point = [0, 0.15, 0.001] }}\nb = {{ body = \"plate\", face = \"x0\" }}\n{}\n"
+      "\"fixed\"\na = {{ body = \"ground\", point = [0, 0.15, 0.001] }}\nb = {{ body = \"plate\", face = \"x0\" "
+      "}}\n{}\n"
       "[initial]\nmodes = 4\n[integrator]\nmax_order = 2\nend = 1e-9\n",
       along, across, hold);
 }
 
 // A plate of aluminium, one edge held. Truth: thin plates (A. Leissa, "Vibration of plates", NASA SP-160, 1969): 10.76,
-// 32.48, 67.09, 112.58 Hz. Held in the mean its edge warps: the second and the fourth mode, which twist it, are too slow.
+// 32.48, 67.09, 112.58 Hz. Held in the mean its edge warps: the second and the fourth mode, which twist it, are too
+// slow.
 TEST(Attach, AFixedFaceIsClamped) {
   const double truth[] = {10.76, 32.48, 67.09, 112.58};
   const Simulation clamped = simulated(plate("", 16, 12)), rigid = simulated(plate("attach = \"rigid\"", 16, 12)),
@@ -103,10 +109,13 @@ TEST(Attach, ReactionsAndShapeOfARigidFace) {
   const std::string bar =
       "gravity = [0, 0, -10]\n[bodies.bar]\ntype = \"solid\"\nmesh = { part = \"block\", lx = 1, ly = 0.1, lz = 0.1, "
       "divisions = [6, 2, 2] }\nmaterial = { young = 1e8, poisson = 0.3, density = 1000 }\n[bodies.weight]\ntype = "
-      "\"rigid\"\nmass = 2\nbox = [0.1, 0.1, 0.1]\nposition = [1.1, 0.05, 0.05]\n[joints]\nclamp = { type = \"fixed\", a "
+      "\"rigid\"\nmass = 2\nbox = [0.1, 0.1, 0.1]\nposition = [1.1, 0.05, 0.05]\n[joints]\nclamp = { type = \"fixed\", "
+      "a "
       "= { body = \"ground\", point = [0, 0.05, 0.05] }, b = { body = \"bar\", face = \"x0\" } }\nhang = { type = "
-      "\"revolute\", attach = \"rigid\", a = { body = \"bar\", face = \"x1\", axis = [0, 0, 1] }, b = { body = \"weight\", "
-      "point = [-0.1, 0, 0] } }\n[markers]\nlow = { body = \"bar\", near = [1, 0, 0] }\nhigh = { body = \"bar\", near = [1, "
+      "\"revolute\", attach = \"rigid\", a = { body = \"bar\", face = \"x1\", axis = [0, 0, 1] }, b = { body = "
+      "\"weight\", "
+      "point = [-0.1, 0, 0] } }\n[markers]\nlow = { body = \"bar\", near = [1, 0, 0] }\nhigh = { body = \"bar\", near "
+      "= [1, "
       "0.1, 0.1] }\nroot = { body = \"bar\", near = [0, 0.1, 0] }\n[statics]\n";
   const Simulation run = simulated(bar);
   EXPECT_NEAR(run.value("clamp.force.z"), -120, 1e-5);  // on the bar's side: 10 kg and 2 kg
@@ -132,7 +141,8 @@ TEST(Attach, SaysWhatCannotBe) {
     EXPECT_NE(status.message.find(word), std::string::npos) << status.message;
   };
   refused(replaced(model, "face = \"x0\" }", "node = 1, attach = \"rigid\" }"), "needs a face");
-  refused(rod("type = \"fixed\"\nattach = \"rigid\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]"), "none of the joint's");
+  refused(rod("type = \"fixed\"\nattach = \"rigid\"\nbodies = [\"ground\", \"rod\"]\nat = [0, 0, 0]"),
+          "none of the joint's");
   refused(replaced(model, "face = \"x0\" }", "face = \"x0\", attach = \"stiff\" }"), "rigid");
   refused(replaced(replaced(model, "face = \"x0\" }", "face = \"x0\", attach = \"rigid\" }"), "hex8 = \"shell\"\n",
                    "reduce = { modes = 2 }\n"),
@@ -141,9 +151,11 @@ TEST(Attach, SaysWhatCannotBe) {
 
 // A reduced body has no nodes to clamp: the mean is held, which a notice says.
 TEST(Attach, OfAReducedBodyIsTheMean) {
-  const Simulation run = simulated(replaced(plate("", 4, 3), "hex8 = \"shell\"\n", "hex8 = \"shell\"\nreduce = { modes = 4 }\n"));
+  const Simulation run =
+      simulated(replaced(plate("", 4, 3), "hex8 = \"shell\"\n", "hex8 = \"shell\"\nreduce = { modes = 4 }\n"));
   bool said = false;
-  for (const std::string& notice : run.summary().notices) said = said || notice.find("holds the mean") != std::string::npos;
+  for (const std::string& notice : run.summary().notices)
+    said = said || notice.find("holds the mean") != std::string::npos;
   EXPECT_TRUE(said);
 }
 

@@ -15,10 +15,14 @@ std::string slider_crank(const std::string& crank, const std::string& rod, const
   return fmt::format(
       "[bodies.crank]\ntype = \"rigid\"\nmass = 0.3\ninertia = [1e-3, 1e-3, 1e-3]\nposition = [0, 0.075, 0]\n{}\n"
       "[bodies.rod]\ntype = \"rigid\"\nmass = 1.5\ninertia = [1e-3, 0.03, 0.03]\nposition = [{:.17g}, 0.075, 0]\n{}\n"
-      "rotation = [0, 0, {:.17g}]\n[bodies.slider]\ntype = \"rigid\"\nmass = 2\ninertia = [1e-2, 1e-2, 1e-2]\nposition = "
-      "[{:.17g}, 0, 0]\n[joints]\nbearing = {{ type = \"revolute\", bodies = [\"ground\", \"crank\"], at = [0, 0, 0], axis "
-      "= [0, 0, 1] }}\npin = {{ type = \"revolute\", bodies = [\"crank\", \"rod\"], at = [0, 0.15, 0], axis = [0, 0, 1] "
-      "}}\nwrist = {{ type = \"revolute\", bodies = [\"rod\", \"slider\"], at = [{:.17g}, 0, 0], axis = [0, 0, 1] }}\nguide "
+      "rotation = [0, 0, {:.17g}]\n[bodies.slider]\ntype = \"rigid\"\nmass = 2\ninertia = [1e-2, 1e-2, 1e-2]\nposition "
+      "= "
+      "[{:.17g}, 0, 0]\n[joints]\nbearing = {{ type = \"revolute\", bodies = [\"ground\", \"crank\"], at = [0, 0, 0], "
+      "axis "
+      "= [0, 0, 1] }}\npin = {{ type = \"revolute\", bodies = [\"crank\", \"rod\"], at = [0, 0.15, 0], axis = [0, 0, "
+      "1] "
+      "}}\nwrist = {{ type = \"revolute\", bodies = [\"rod\", \"slider\"], at = [{:.17g}, 0, 0], axis = [0, 0, 1] "
+      "}}\nguide "
       "= {{ type = \"prismatic\", bodies = [\"ground\", \"slider\"], at = [{:.17g}, 0, 0], axis = [1, 0, 0] "
       "}}\n[initial]\n{}\n[integrator]\nrelative = 1e-8\nabsolute = 1e-9\nend = 1e-4\n",
       crank, x / 2, rod, -std::asin(0.3), x, x, x, initial);

@@ -25,9 +25,15 @@ const std::vector<Units> kUnits = {{"millimetre, tonne, second", 1e3, 1e-3, 1},
 /// What one of a dimension ("length/time", "force*length") is in other units.
 double factor_of(const std::string& dimension, const Units& u) {
   const double force = u.kg * u.m / (u.s * u.s);
-  const std::map<std::string, double> known = {
-      {"length", u.m},  {"time", u.s},   {"mass", u.kg}, {"force", force}, {"energy", force * u.m},
-      {"angle", 1},     {"1", 1},        {"", 1},        {"pressure", force / (u.m * u.m)}};
+  const std::map<std::string, double> known = {{"length", u.m},
+                                               {"time", u.s},
+                                               {"mass", u.kg},
+                                               {"force", force},
+                                               {"energy", force * u.m},
+                                               {"angle", 1},
+                                               {"1", 1},
+                                               {"", 1},
+                                               {"pressure", force / (u.m * u.m)}};
   double factor = 1;
   std::size_t at = 0;
   char operation = '*';
@@ -89,8 +95,7 @@ void expect_same(const std::string& text, double tolerance) {
     std::map<std::string, double> size;
     const auto known = truth->quantities();
     for (const SimulationQuantity& q : known)
-      if (!q.dimension.empty())
-        size[q.dimension] = std::max(size[q.dimension], std::abs(truth->value(q.name)));
+      if (!q.dimension.empty()) size[q.dimension] = std::max(size[q.dimension], std::abs(truth->value(q.name)));
     int compared = 0;
     for (const SimulationQuantity& q : known) {
       if (q.dimension.empty() || q.name.rfind("step.", 0) == 0 || q.name.rfind("constraints.", 0) == 0) continue;
@@ -118,11 +123,12 @@ const std::string kBrief = "[integrator]\nmax_order = 2\nend = \"1e-6*s\"\nconst
 // Frequencies from the slowest bending to the section's own, 10^8 apart. (Rounding of the stiffness leaves 1e-9.)
 TEST(Units, ModesOfThinWires) {
   for (const std::string radius : {"1e-4", "1e-3", "0.02"}) {
-    const std::string text = kHead + "[bodies.wire]\ntype = \"beam\"\nstart = [0, 0, 0]\nend = [\"0.5*m\", 0, 0]\n" +
-                             "elements = 12\nmaterial = \"steel\"\nradius = \"" + radius + "*m\"\n" +
-                             "[joints.clamp]\ntype = \"fixed\"\na = { body = \"ground\" }\nb = { body = \"wire\", node = "
-                             "1 }\n[initial]\nmodes = 12\n" +
-                             kBrief;
+    const std::string text =
+        kHead + "[bodies.wire]\ntype = \"beam\"\nstart = [0, 0, 0]\nend = [\"0.5*m\", 0, 0]\n" +
+        "elements = 12\nmaterial = \"steel\"\nradius = \"" + radius + "*m\"\n" +
+        "[joints.clamp]\ntype = \"fixed\"\na = { body = \"ground\" }\nb = { body = \"wire\", node = "
+        "1 }\n[initial]\nmodes = 12\n" +
+        kBrief;
     expect_same(text, radius == "1e-4" ? 2e-8 : 1e-9);
   }
 }

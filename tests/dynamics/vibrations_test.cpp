@@ -55,8 +55,8 @@ Compared compare(const std::string& text, Index count) {
   Options solver;
   solver.threads = 2;
   const Index all = equations.sizes().velocity;
-  Compared out{small_vibrations_by(equations, s, all, nullptr).modes,
-               small_vibrations_by(equations, s, count, &solver), mechanism->system.sizes().constraints};
+  Compared out{small_vibrations_by(equations, s, all, nullptr).modes, small_vibrations_by(equations, s, count, &solver),
+               mechanism->system.sizes().constraints};
   return out;
 }
 

@@ -163,7 +163,9 @@ TEST(QuadraticModes, AllOfSmallSystems) {
     expect_dense(k, 20 * m, m, 2 * n, -1e-3);  // overdamped
     Eigen::VectorXd units = Eigen::VectorXd::Ones(n);
     for (int i = 0; i < n; i += 2) units[i] = 1e6;
-    const auto scaled = [&](const Eigen::MatrixXd& a) { return Eigen::MatrixXd(units.asDiagonal() * a * units.asDiagonal()); };
+    const auto scaled = [&](const Eigen::MatrixXd& a) {
+      return Eigen::MatrixXd(units.asDiagonal() * a * units.asDiagonal());
+    };
     QuadraticModesOptions options;
     options.count = n;
     options.shift = -0.01;
@@ -211,8 +213,8 @@ TEST(QuadraticModes, AllBesideConstraints) {
     inner(0, 0) -= 0.5;
     const Eigen::HouseholderQR<Eigen::MatrixXd> qr(g.transpose());
     const Eigen::MatrixXd z = (qr.householderQ() * Eigen::MatrixXd::Identity(n, n)).rightCols(n - held);
-    const std::vector<Complex> truth = dense(z.transpose() * inner * z, z.transpose() * d * z,
-                                             Eigen::MatrixXd::Identity(n - held, n - held), -0.01);
+    const std::vector<Complex> truth =
+        dense(z.transpose() * inner * z, z.transpose() * d * z, Eigen::MatrixXd::Identity(n - held, n - held), -0.01);
     QuadraticModesOptions options;
     options.count = 2 * size;
     options.shift = -0.01;

@@ -196,8 +196,8 @@ void RedundancyGuard::analyze(const State& state) {
   const std::vector<DependentRow> here = dependent_at(state.t, state.q);
   mark(here);
   if (here.empty() || here.size() == state.lambda.size()) return;
-  // Beside the configuration: a step of 1e-3 (angle, or of the extent) in a fixed pseudo-random direction, brought back to the constraints that
-  // are kept. If fewer rows depend there, the configuration given was singular.
+  // Beside the configuration: a step of 1e-3 (angle, or of the extent) in a fixed pseudo-random direction, brought back
+  // to the constraints that are kept. If fewer rows depend there, the configuration given was singular.
   State beside = state;
   std::vector<double> step = coordinate_sizes(equations_.system(), state.q);
   for (std::size_t i = 0; i < step.size(); ++i) step[i] *= 1e-3 * std::sin(12.9898 * static_cast<double>(i + 1));

@@ -27,7 +27,8 @@ struct ConsistencyResult {
   Levels levels;
 };
 
-/// A typical size of each velocity coordinate: 1 of angles and gradients, the extent of the model of lengths. n numbers.
+/// A typical size of each velocity coordinate: 1 of angles and gradients, the extent of the model of lengths. n
+/// numbers.
 [[nodiscard]] std::vector<double> coordinate_sizes(const System& system, ConstSpan q);
 
 /// How large the terms are that each constraint equation adds up, sum_j |Phi_q_ij| size_j, and not below 1e-4 of the
@@ -36,7 +37,8 @@ struct ConsistencyResult {
 [[nodiscard]] std::vector<double> constraint_sizes(System& system, ConstSpan q, ConstSpan phi_q);
 
 /// Makes a state consistent: the nearest configuration (in the metric of the mass matrix) that satisfies Phi = 0, the
-/// nearest velocities that satisfy the velocity level (nearest to it those that are to be kept), then accelerations and multipliers from the equations of motion.
+/// nearest velocities that satisfy the velocity level (nearest to it those that are to be kept), then accelerations and
+/// multipliers from the equations of motion.
 /// @throws espalier::Error naming the constraint with the largest violation if no such state is found
 ConsistencyResult make_consistent(Equations& equations, State& state, const ConsistencyOptions& options = {});
 

@@ -122,8 +122,8 @@ void find_undamped(Equations& equations, const TangentMatrices& a, Index count, 
   if (!found.complete) out.notice = "initial.modes: " + found.completeness;
   out.l = Eigen::Map<const Eigen::VectorXd>(found.eigenvalues.data(), found.count());
   out.x = Eigen::Map<const Eigen::MatrixXd>(found.vectors.data(), found.n, found.count()).topRows(n);
-  out.rounding = 0.5 * std::numeric_limits<double>::epsilon() *
-                 projected(magnitudes(a.stiffness), out.x.cwiseAbs()).diagonal();
+  out.rounding =
+      0.5 * std::numeric_limits<double>::epsilon() * projected(magnitudes(a.stiffness), out.x.cwiseAbs()).diagonal();
 }
 
 ModalSystem modal_system(Equations& equations, const State& state, Index count, const Options* solver) {
@@ -187,18 +187,16 @@ std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size) {
   if (!coupled.empty()) {
     const Eigen::MatrixXd l = s.l(coupled).asDiagonal();
     const double shift = slow_shift(s, coupled);
-    const auto found =
-        espalier::modes::dense_quadratic_modes(l + s.n(coupled, coupled), s.d(coupled, coupled),
-                                               Eigen::MatrixXd::Identity(l.rows(), l.rows()), shift);
+    const auto found = espalier::modes::dense_quadratic_modes(l + s.n(coupled, coupled), s.d(coupled, coupled),
+                                                              Eigen::MatrixXd::Identity(l.rows(), l.rows()), shift);
     for (Eigen::Index i = 0; i < found.eigenvalues.size(); ++i) {
       const std::complex<double> e = found.eigenvalues[i];
       modes.push_back(vibration_of(std::abs(e) <= 1e-12 * std::abs(shift) ? 0.0 : e,
                                    s.x(Eigen::all, coupled) * found.vectors.col(i)));
     }
   }
-  std::stable_sort(modes.begin(), modes.end(), [](const Mode& a, const Mode& b) {
-    return std::abs(a.eigenvalue) < std::abs(b.eigenvalue);
-  });
+  std::stable_sort(modes.begin(), modes.end(),
+                   [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
   return modes;
 }
 
@@ -225,13 +223,15 @@ std::string rounding_notice(const ModalSystem& s, Index count) {
   }
   std::string text;
   if (hidden > kApart * least || (hidden > 0 && std::isinf(least) && count > 6))
-    text = fmt::format("initial.modes: motions slower than {:.3g} per unit of time cannot be told from those that "
-                       "nothing resists, and are given with frequency 0: rounding of the largest stiffnesses hides them",
-                       std::sqrt(4 * hidden) / (2 * std::numbers::pi));
+    text = fmt::format(
+        "initial.modes: motions slower than {:.3g} per unit of time cannot be told from those that "
+        "nothing resists, and are given with frequency 0: rounding of the largest stiffnesses hides them",
+        std::sqrt(4 * hidden) / (2 * std::numbers::pi));
   if (worst > kGood)
-    text += fmt::format("{}the stiffnesses of the model lie so far apart that rounding may change frequencies by up to "
-                        "{:.1e} of them",
-                        text.empty() ? "initial.modes: " : "; ", worst / 2);
+    text += fmt::format(
+        "{}the stiffnesses of the model lie so far apart that rounding may change frequencies by up to "
+        "{:.1e} of them",
+        text.empty() ? "initial.modes: " : "; ", worst / 2);
   return text;
 }
 

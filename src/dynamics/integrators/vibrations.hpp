@@ -32,10 +32,11 @@ struct Vibrations {
 ///
 /// The modes of M and the symmetric part of C come first, with the constraints as multipliers: of small systems all of
 /// them, by a dense method whose lowest are exact whatever the range of the spectrum (modes/dense_symmetric.hpp); else
-/// by espalier::find_modes(). Where there are velocity-dependent forces, or C is not symmetric, the problem is projected
-/// on them: all, or three times as many as asked for and 40 more (modal projection: R. Craig, A. Kurdila, "Fundamentals
-/// of Structural Dynamics", 2006, chapters 10 and 11); `notice` says how much eigenvalues change with the size of that
-/// space. What rounding of the stiffness hides is given as 0, or as it is, with a notice of how far it may be off.
+/// by espalier::find_modes(). Where there are velocity-dependent forces, or C is not symmetric, the problem is
+/// projected on them: all, or three times as many as asked for and 40 more (modal projection: R. Craig, A. Kurdila,
+/// "Fundamentals of Structural Dynamics", 2006, chapters 10 and 11); `notice` says how much eigenvalues change with the
+/// size of that space. What rounding of the stiffness hides is given as 0, or as it is, with a notice of how far it may
+/// be off.
 /// @param solver  device, threads, memory, interruption
 /// @throws Error where they cannot be found
 Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver);

@@ -260,7 +260,8 @@ std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
 
 std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody& body) const {
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no sets of nodes or faces", m.body));
-  std::vector<Index> nodes = m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);
+  std::vector<Index> nodes =
+      m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);
   std::sort(nodes.begin(), nodes.end());
   nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
   if (nodes.size() < 3) throw std::invalid_argument("a rigid piece needs three nodes that are not on a line");
@@ -270,8 +271,7 @@ std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody
 std::array<Index, 3> FrameBuilder::base_nodes(const MarkerSpec& m, const BuiltBody& body) const {
   const std::vector<Index> nodes = held_nodes(m, body);
   const auto farthest = [&](const auto& distance) {
-    return *std::max_element(nodes.begin(), nodes.end(),
-                             [&](Index a, Index b) { return distance(a) < distance(b); });
+    return *std::max_element(nodes.begin(), nodes.end(), [&](Index a, Index b) { return distance(a) < distance(b); });
   };
   const auto place = [&](Index k) { return reference_node(*body.flexible, k); };
   const Index first = farthest([&](Index k) { return (place(k) - place(nodes.front())).norm(); });

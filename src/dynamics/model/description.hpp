@@ -123,7 +123,7 @@ struct BodySpec {
   Place place;
   std::string name;
   std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec, SubstructureSpec> shape;
-  std::optional<Vec3> gravity;  ///< instead of the model's
+  std::optional<Vec3> gravity;                                  ///< instead of the model's
   bool velocity_given = false, angular_velocity_given = false;  ///< whether they stand in the text
   [[nodiscard]] bool any_velocity_given() const { return velocity_given || angular_velocity_given; }
   // Flexible bodies; a rigid body keeps its own in RigidBodyData.
@@ -166,7 +166,7 @@ struct MarkerSpec {
   };
   std::optional<Bore> bore;
   Attach attach = Attach::automatic;  ///< of faces and bores
-  int most_nodes = 0;  ///< faces are thinned out evenly until about this many nodes are left; 0: never
+  int most_nodes = 0;                 ///< faces are thinned out evenly until about this many nodes are left; 0: never
 };
 
 // Joints and forces --------------------------------------------------------------------------------------------------

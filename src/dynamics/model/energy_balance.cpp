@@ -56,10 +56,11 @@ double EnergyBalance::scale() const { return std::max({kinetic_, highest_ - lowe
 std::optional<std::string> EnergyBalance::notice() const {
   constexpr double kAllowed = 0.01;
   if (!(std::abs(gain_) > kAllowed * scale() + uncertainty_)) return std::nullopt;
-  return fmt::format("the steps of the integration {} {:.3g} of energy that no force explains, {:.1f} % of the largest of "
-                     "kinetic energy, change of potential energy and work ({:.3g}): the motion may be off by as much; "
-                     "smaller tolerances (relative, absolute, absolute_velocity) or shorter steps bring it down",
-                     gain_ > 0 ? "added" : "took away", std::abs(gain_), 100 * std::abs(gain_) / scale(), scale());
+  return fmt::format(
+      "the steps of the integration {} {:.3g} of energy that no force explains, {:.1f} % of the largest of "
+      "kinetic energy, change of potential energy and work ({:.3g}): the motion may be off by as much; "
+      "smaller tolerances (relative, absolute, absolute_velocity) or shorter steps bring it down",
+      gain_ > 0 ? "added" : "took away", std::abs(gain_), 100 * std::abs(gain_) / scale(), scale());
 }
 
 }  // namespace espalier::dynamics::model

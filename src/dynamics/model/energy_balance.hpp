@@ -10,10 +10,10 @@
 
 namespace espalier::dynamics::model {
 
-/// Along a motion q' = v, v' = a the energy changes by the power P = dE/dt of what is in no potential: dampers, friction,
-/// motors, moving supports. P follows at each time from the state that satisfies the equations of motion there, by a
-/// difference of the energy along (v, a). What the energy changes from step to step beside the integral of P (trapezoids)
-/// was made, or lost, by the steps themselves. Three evaluations of the energy a step.
+/// Along a motion q' = v, v' = a the energy changes by the power P = dE/dt of what is in no potential: dampers,
+/// friction, motors, moving supports. P follows at each time from the state that satisfies the equations of motion
+/// there, by a difference of the energy along (v, a). What the energy changes from step to step beside the integral of
+/// P (trapezoids) was made, or lost, by the steps themselves. Three evaluations of the energy a step.
 class EnergyBalance {
  public:
   explicit EnergyBalance(System& system) : system_(system) {}

@@ -82,12 +82,13 @@ void decide(MarkerSpec& m, const JointSpec& joint, const Mechanism& built, std::
   const bool reduced = body->reduced != nullptr;
   m.attach = reduced ? Attach::mean : Attach::rigid;
   notices.push_back(
-      reduced ? fmt::format("{}: holds the mean position and rotation of {}, which may bend and warp: a reduced body has "
-                            "no single nodes to clamp",
-                            joint.name, face_name(m))
-              : fmt::format("{}: clamps {}, all its nodes as one rigid piece (attach = \"rigid\"); attach = \"mean\" "
-                            "would hold their mean position and rotation, and let the face bend and warp",
-                            joint.name, face_name(m)));
+      reduced
+          ? fmt::format("{}: holds the mean position and rotation of {}, which may bend and warp: a reduced body has "
+                        "no single nodes to clamp",
+                        joint.name, face_name(m))
+          : fmt::format("{}: clamps {}, all its nodes as one rigid piece (attach = \"rigid\"); attach = \"mean\" "
+                        "would hold their mean position and rotation, and let the face bend and warp",
+                        joint.name, face_name(m)));
 }
 
 void check_attach(const MarkerSpec& m, const Mechanism& built) {
@@ -136,9 +137,7 @@ void hold_rigidly(const MarkerSpec& marker, const FrameBuilder& frames, Mechanis
   std::vector<Index> nodes = frames.held_nodes(marker, *body);
   if (!out.rigid_pieces.insert({marker.body, nodes}).second) return;
   const std::array<Index, 3> base = frames.base_nodes(marker, *body);
-  const auto name = [&](Index k) {
-    return fmt::format("{}, node {}", face_name(marker), body->mesh->node_label(k));
-  };
+  const auto name = [&](Index k) { return fmt::format("{}, node {}", face_name(marker), body->mesh->node_label(k)); };
   const Vec3 centre = frames.make_base(marker, *body).second;
   const auto place = [&](Index k) { return Vec3(Eigen::Map<const Vec3>(flexible.reference().data() + 3 * k)); };
   for (std::size_t i = 0; i < 3; ++i) {

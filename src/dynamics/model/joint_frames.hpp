@@ -18,9 +18,9 @@ namespace espalier::dynamics::model {
 /// The same of a force.
 [[nodiscard]] ForceSpec completed(const ForceSpec& force, const FrameBuilder& frames, const Mechanism& built);
 
-/// Constraints that make the nodes of a marker with attach = rigid one rigid piece: 3 k - 6 for k nodes. The distances of
-/// three of them, on which the marker's frame stands, and the places of the others beside that frame. Nothing for other
-/// markers, and for nodes that are one piece already.
+/// Constraints that make the nodes of a marker with attach = rigid one rigid piece: 3 k - 6 for k nodes. The distances
+/// of three of them, on which the marker's frame stands, and the places of the others beside that frame. Nothing for
+/// other markers, and for nodes that are one piece already.
 void hold_rigidly(const MarkerSpec& marker, const FrameBuilder& frames, Mechanism& out);
 
 }  // namespace espalier::dynamics::model

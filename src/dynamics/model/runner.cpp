@@ -182,11 +182,11 @@ void Runner::check_velocities(const State& given, const State& consistent) {
   const std::optional<MovedVelocity> kept = changed_velocity(*mechanism_, given, consistent, allowed, true);
   if (kept && !model_.initial.project_velocities)
     fail(kept->body->spec.place,
-         fmt::format("the initial velocity contradicts the constraints: the velocity of {} is {:g} in the text, {:g} is "
-                     "the nearest that all given velocities allow for; correct those of the bodies joined to '{}', or "
-                     "set initial.velocities = \"project\" to take the nearest",
-                     mechanism_->system.coordinate_name(kept->coordinate), kept->given, kept->found,
-                     kept->body->spec.name));
+         fmt::format(
+             "the initial velocity contradicts the constraints: the velocity of {} is {:g} in the text, {:g} is "
+             "the nearest that all given velocities allow for; correct those of the bodies joined to '{}', or "
+             "set initial.velocities = \"project\" to take the nearest",
+             mechanism_->system.coordinate_name(kept->coordinate), kept->given, kept->found, kept->body->spec.name));
   const std::vector<std::string> lines = velocity_notices(*mechanism_, given, consistent, allowed);
   summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
 }

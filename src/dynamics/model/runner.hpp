@@ -118,9 +118,9 @@ class Runner {
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
   std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
-  bool stopped_ = false;    // by an event
-  double impact_time_ = 0;  // of the last impact
-  long impacts_there_ = 0;  // hardly apart in time from each other
+  bool stopped_ = false;                    // by an event
+  double impact_time_ = 0;                  // of the last impact
+  long impacts_there_ = 0;                  // hardly apart in time from each other
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   SimulationSeries series_;

@@ -144,8 +144,7 @@ void Runner::note_statics(const StaticsResult& result) {
 
 void Runner::find_modes() {
   if (model_.initial.modes == 0) return;
-  Vibrations found =
-      small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
+  Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
   for (Mode& mode : found.modes) {

@@ -59,8 +59,7 @@ std::vector<std::string> open_joints(Mechanism& mechanism, const State& given) {
     std::size_t worst = first;
     for (std::size_t i = first; i < first + static_cast<std::size_t>(joint->sizes().constraints); ++i)
       if (std::abs(phi[i]) > std::abs(phi[worst])) worst = i;
-    if (joint->sizes().constraints == 0 || !(std::abs(phi[worst]) > kRoundOff * extent(given)))
-      continue;
+    if (joint->sizes().constraints == 0 || !(std::abs(phi[worst]) > kRoundOff * extent(given))) continue;
     lines.push_back(fmt::format("{} is open by {:.3g} in the given positions",
                                 mechanism.system.constraint_name(static_cast<Index>(worst)), std::abs(phi[worst])));
   }
@@ -133,11 +132,12 @@ std::vector<std::string> velocity_notices(const Mechanism& mechanism, const Stat
   std::vector<std::string> lines;
   if (given_velocities(mechanism).empty()) return lines;
   const auto text = [&](const MovedVelocity& m) {
-    return fmt::format("that of {} from {:g} to {:g}", mechanism.system.coordinate_name(m.coordinate), m.given, m.found);
+    return fmt::format("that of {} from {:g} to {:g}", mechanism.system.coordinate_name(m.coordinate), m.given,
+                       m.found);
   };
   if (const auto changed = changed_velocity(mechanism, given, found, least, true))
-    lines.push_back(
-        fmt::format("initial velocities that were given do not fit the joints and were changed, most {}", text(*changed)));
+    lines.push_back(fmt::format("initial velocities that were given do not fit the joints and were changed, most {}",
+                                text(*changed)));
   if (const auto follows = changed_velocity(mechanism, given, found, least, false))
     lines.push_back(fmt::format("initial velocities that were not given follow from the others by the joints, most {}",
                                 text(*follows)));
