@@ -177,7 +177,10 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
     return Json{
         {"kinetic", number(e.kinetic)}, {"potential", number(e.potential)}, {"total", number(e.kinetic + e.potential)}};
   };
-  j["energy"] = {{"begin", energy(s.energy_begin)}, {"end", energy(s.energy_end)}};
+  j["energy"] = {{"begin", energy(s.energy_begin)},
+                 {"end", energy(s.energy_end)},
+                 {"work", s.energy_work},
+                 {"gain", s.energy_gain}};
   j["solver"] = {{"kind", s.kind},
                  {"precision", s.precision},
                  {"device", s.device},

@@ -217,6 +217,9 @@ struct SimulationSummary {
   std::vector<SimulationEvent> events;  ///< in their order; of very many the first 10,000
   long event_count = 0;
   SimulationEnergy energy_begin, energy_end;
+  /// Of a motion: work of what is in no potential (dampers, friction, motors, supports), and what the energy changed
+  /// beside it, by the steps of the integration themselves. From states at the ends of steps.
+  double energy_work = 0, energy_gain = 0;
   SimulationViolation largest_violation;  ///< over all steps
   SimulationPhases phases;
 

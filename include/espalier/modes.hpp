@@ -107,7 +107,8 @@ ModesResult find_buckling_modes(const MatrixView& k, const MatrixView& kg, const
 
 /// Which eigenvalues of a quadratic problem are sought.
 struct QuadraticModesOptions {
-  Index count = 6;  ///< so many, of conjugate pairs one counts: those nearest to the shift
+  /// So many, of conjugate pairs one counts: those nearest to the shift. Up to 150 rows: all, where there are fewer.
+  Index count = 6;
   /// Real number next to which they are sought. NaN: a little below zero, for the slowest motions.
   double shift = std::numeric_limits<double>::quiet_NaN();
   double tolerance = 1e-10;  ///< of the search, relative to 1 / |l - shift|
@@ -133,7 +134,7 @@ struct QuadraticModesResult {
 /// constraints as above ([K G^T; G 0], with zeros in C and M). Real matrices of one size, 0-based, any storage; M may
 /// be singular. Shift and invert on the real linearization, Arnoldi's method in real arithmetic with full
 /// orthogonalization (F. Tisseur, K. Meerbergen, "The quadratic eigenvalue problem", SIAM Review 43, 2001). Unlike
-/// find_modes(), nothing proves that none was missed.
+/// find_modes(), nothing proves that none was missed. Up to 150 rows all finite eigenvalues are computed densely.
 ///
 /// Status invalid_input: as find_modes(). singular: `shift` is an eigenvalue, or Q is singular everywhere.
 /// accuracy_not_reached: some were not found with this basis, or a residual is above 1e-6; what was found is there.

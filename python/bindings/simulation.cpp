@@ -131,6 +131,8 @@ nb::dict fields(const SimulationSummary& s) {
   d["critical"] = critical;
   d["energy_begin"] = nb::make_tuple(s.energy_begin.kinetic, s.energy_begin.potential);
   d["energy_end"] = nb::make_tuple(s.energy_end.kinetic, s.energy_end.potential);
+  d["energy_work"] = s.energy_work;
+  d["energy_gain"] = s.energy_gain;
   d["seconds"] = s.phases.total;
   d["device"] = s.device;
   d["kind"] = s.kind;

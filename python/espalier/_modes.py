@@ -146,7 +146,8 @@ def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | N
                     basis_size: int = 0, **solver: Any) -> QuadraticModes:
     """The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift (None: a little below zero, for the slowest
     motions): damping, gyroscopic and circulatory terms, rows of constraints [K G'; G 0]. K, C, M: real, of one shape, all
-    entries stored, of scipy.sparse. Nothing proves that none was missed. Raises as modes() does; warns with AccuracyWarning
+    entries stored, of scipy.sparse. Nothing proves that none was missed; up to 150 rows all are computed, and fewer than
+    `count` come where there are no more. Raises as modes() does; warns with AccuracyWarning
     where some were not found."""
     import warnings
 

@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "matrix/norms.hpp"
+#include "modes/dense_quadratic.hpp"
 #include "modes/pencil.hpp"
 #include "modes/tall.hpp"
 
@@ -18,12 +19,21 @@ using Eigen::VectorXd;
 
 constexpr double kGoodResidual = 1e-6;
 constexpr Eigen::Index kFirstLook = 12;  // vectors, to see the size of eigenvalues
+constexpr Index kDense = 150;            // rows up to which all eigenvalues are computed: some tenths of a second
 
 std::size_t slot(Offset i) { return static_cast<std::size_t>(i); }
 
 SparseMatrix sum_of(double alpha, const SparseMatrix& a, double beta, const SparseMatrix& b) {
   SparseMatrix out = sum(alpha, a, beta, b);
   out.storage = Storage::general;
+  return out;
+}
+
+Eigen::MatrixXd dense_of(const SparseMatrix& a) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.rows, a.cols);
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset p = a.col_ptr[slot(j)]; p < a.col_ptr[slot(j) + 1]; ++p)
+      out(a.row_ind[slot(p)], j) += a.values[slot(p)];
   return out;
 }
 
@@ -70,7 +80,7 @@ QuadraticSearch::QuadraticSearch(const MatrixView& k, const MatrixView& c, const
     throw Error(StatusCode::invalid_input,
                 fmt::format("K, C and M have {}, {} and {} rows; they must be of one size", k_.rows, c_.rows, m_.rows));
   if (options.count < 1) throw Error(StatusCode::invalid_input, "count: at least one eigenvalue must be asked for");
-  if (options.count > k_.rows)
+  if (k_.rows > kDense && options.count > k_.rows)
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} eigenvalues are asked for, of {} rows", options.count, k_.rows));
   if (std::isinf(options.shift) || !(options.tolerance > 0))
@@ -163,19 +173,33 @@ double QuadraticSearch::residual(std::complex<double> l, const VectorXcd& x) con
   return r.norm() / ((a * a * m_norm_ + a * c_norm_ + k_norm_) * x.norm());
 }
 
+void QuadraticSearch::add(std::complex<double> l, VectorXcd x) {
+  Eigen::Index largest = 0;
+  x.cwiseAbs().maxCoeff(&largest);
+  x *= std::conj(x[largest]) / (std::abs(x[largest]) * x.norm());
+  result_.eigenvalues.push_back(l);
+  result_.residuals.push_back(residual(l, x));
+  result_.vectors.insert(result_.vectors.end(), x.data(), x.data() + x.size());
+}
+
 void QuadraticSearch::deliver(const VectorXcd& theta, const Eigen::MatrixXcd& s,
                               const std::vector<Eigen::Index>& chosen) {
-  const Eigen::Index n = k_.rows;
-  for (const Eigen::Index k : chosen) {
-    const std::complex<double> l = shift_ + 1.0 / theta[k];
-    VectorXcd x = basis_.topLeftCorner(n, size_) * s.col(k);
-    Eigen::Index largest = 0;
-    x.cwiseAbs().maxCoeff(&largest);
-    x *= std::conj(x[largest]) / (std::abs(x[largest]) * x.norm());
-    result_.eigenvalues.push_back(l);
-    result_.residuals.push_back(residual(l, x));
-    result_.vectors.insert(result_.vectors.end(), x.data(), x.data() + n);
-  }
+  for (const Eigen::Index k : chosen) add(shift_ + 1.0 / theta[k], basis_.topLeftCorner(k_.rows, size_) * s.col(k));
+}
+
+void QuadraticSearch::take_all() {
+  const DenseQuadraticModes all = dense_quadratic_modes(dense_of(k_), dense_of(c_), dense_of(m_), shift_);
+  result_.factorizations = 1;
+  if (all.eigenvalues.size() == 0)
+    throw Error(StatusCode::invalid_input, "there are no finite eigenvalues: C and M act on nothing that can move");
+  for (Eigen::Index i = 0; i < std::min<Eigen::Index>(options_.count, all.eigenvalues.size()); ++i)
+    add(all.eigenvalues[i], all.vectors.col(i));
+  if (result_.count() < options_.count && all.unseen > 0)
+    throw Error(
+        StatusCode::accuracy_not_reached,
+        fmt::format("{} of {} eigenvalues were found: {} lie so far from the shift that rounding hides them; seek "
+                    "next to another shift",
+                    result_.count(), options_.count, all.unseen));
 }
 
 bool QuadraticSearch::look(bool last) {
@@ -205,7 +229,7 @@ bool QuadraticSearch::look(bool last) {
   return all;
 }
 
-void QuadraticSearch::run() {
+void QuadraticSearch::search() {
   const Eigen::Index whole = 2 * Eigen::Index{k_.rows};
   const Eigen::Index most = std::min(
       whole - 1, options_.basis_size > 0 ? Eigen::Index{options_.basis_size} : 20 * Eigen::Index{options_.count} + 200);
@@ -224,6 +248,13 @@ void QuadraticSearch::run() {
                 fmt::format("{} of {} eigenvalues were found with {} vectors; allow a larger basis, ask for fewer, or "
                             "seek next to another shift",
                             result_.count(), options_.count, size_));
+}
+
+void QuadraticSearch::run() {
+  if (k_.rows <= kDense)
+    take_all();
+  else
+    search();
   for (const double r : result_.residuals)
     if (!(r <= kGoodResidual)) throw Error(StatusCode::accuracy_not_reached, fmt::format("a residual is {:.1e}", r));
 }

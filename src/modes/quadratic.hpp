@@ -13,7 +13,8 @@ namespace espalier::modes {
 
 /// With l = s + 1 / theta and y = 1 / theta x, theta [x; y] = [-Q(s)^-1 ((C + 2 s M) x + M y); x]: one factor, and a
 /// product with two matrices, for each step of Arnoldi's method with full orthogonalization. y is held over a typical
-/// |l - s|, so that both halves count alike.
+/// |l - s|, so that both halves count alike. Of few rows all eigenvalues are computed (dense_quadratic.hpp): there the
+/// method would have to span the whole space, and finds a multiple eigenvalue once.
 class QuadraticSearch {
  public:
   QuadraticSearch(const MatrixView& k, const MatrixView& c, const MatrixView& m, const QuadraticModesOptions& options,
@@ -29,6 +30,10 @@ class QuadraticSearch {
   void begin();
   /// The Ritz pairs nearest to the shift; true: all wanted ones have converged.
   bool look(bool last);
+  void search();
+  void take_all();  ///< by the dense method: a few rows
+  /// One more result, of length one.
+  void add(std::complex<double> l, Eigen::VectorXcd x);
   void deliver(const Eigen::VectorXcd& theta, const Eigen::MatrixXcd& s, const std::vector<Eigen::Index>& chosen);
   [[nodiscard]] double residual(std::complex<double> l, const Eigen::VectorXcd& x) const;
 

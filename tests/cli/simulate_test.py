@@ -31,6 +31,7 @@ position = ["length", 0, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 [integrator]
 end = 1
 [output]

@@ -47,12 +47,12 @@ mass = 1
 inertia = [1, 1, 1]
 [joints.motor]
 type = "rotation-motor"
-a = {{ body = "ground" }}
+a = {{ body = "ground", axis = [0, 0, 1] }}
 b = {{ body = "drum" }}
 motion = "0.2*t"
 [joints.axle]
 type = "revolute"
-a = {{ body = "ground" }}
+a = {{ body = "ground", axis = [0, 0, 1] }}
 b = {{ body = "drum" }}
 [joints.anchor]
 type = "prismatic"

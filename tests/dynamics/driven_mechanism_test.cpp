@@ -27,10 +27,10 @@ mass = 2
 box = [0.4, 0.05, 0.05]
 position = [0.7, 0, 0]
 [joints]
-shoulder = { type = "revolute", bodies = ["ground", "upper"], at = [0, 0, 0] }
-elbow = { type = "revolute", bodies = ["upper", "fore"], at = [0.5, 0, 0] }
-shoulder_drive = { type = "rotation-motor", bodies = ["ground", "upper"], at = [0, 0, 0], motion = "0.8*(1 - cos(2*t))" }
-elbow_drive = { type = "rotation-motor", bodies = ["upper", "fore"], at = [0.5, 0, 0], motion = "-0.6*(1 - cos(3*t))" }
+shoulder = { type = "revolute", bodies = ["ground", "upper"], at = [0, 0, 0], axis = [0, 0, 1] }
+elbow = { type = "revolute", bodies = ["upper", "fore"], at = [0.5, 0, 0], axis = [0, 0, 1] }
+shoulder_drive = { type = "rotation-motor", bodies = ["ground", "upper"], at = [0, 0, 0], axis = [0, 0, 1], motion = "0.8*(1 - cos(2*t))" }
+elbow_drive = { type = "rotation-motor", bodies = ["upper", "fore"], at = [0.5, 0, 0], axis = [0, 0, 1], motion = "-0.6*(1 - cos(3*t))" }
 [output]
 quantities = ["shoulder_drive.moment.z", "elbow_drive.moment.z"]
 [integrator]

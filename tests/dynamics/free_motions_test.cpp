@@ -122,10 +122,11 @@ TEST(FreeMotions, LongChainsAreCounted) {
 
 // What a user sees: statics that finds no place for a body names it.
 TEST(FreeMotions, AreNamedWhereStaticsFails) {
-  const std::string text = "gravity = [0, 0, -9.81]\n" + kBlock + kBob +
-                           "[joints.rail]\ntype = \"prismatic\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\n"
-                           "[joints.wall]\ntype = \"fixed\"\na = { body = \"ground\", point = [1, 2.5, 3.5] }\n"
-                           "b = { body = \"block\", face = \"x0\" }\n";
+  const std::string text =
+      "gravity = [0, 0, -9.81]\n" + kBlock + kBob +
+      "[joints.rail]\ntype = \"prismatic\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]\n"
+      "[joints.wall]\ntype = \"fixed\"\na = { body = \"ground\", point = [1, 2.5, 3.5] }\n"
+      "b = { body = \"block\", face = \"x0\" }\n";
   for (const char* run :
        {"[statics]\n", "[statics]\npath = \"load-steps\"\n", "[initial]\nstatics = true\n[integrator]\nend = 1\n"}) {
     Simulation s;

@@ -73,6 +73,7 @@ angular_velocity = [0, 0, -30]
 type = "revolute"
 bodies = ["ground", "rotor"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 friction = { coefficient = 0.25, slip_speed = 1e-4, radius = 0.02 }
 [integrator]
 relative = 1e-9
@@ -169,6 +170,7 @@ position = [0, -1, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 limits = { upper = 0.3, stiffness = 1e4, smoothing = 1e-5, damping = 2 }
 friction = { viscous = 5 }
 [integrator]

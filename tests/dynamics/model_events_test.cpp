@@ -52,6 +52,7 @@ position = [1, 0, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 [events.release]
 when = "bob.position.x < 0"
 off = ["hinge"]
@@ -120,9 +121,9 @@ mass = 1
 inertia = [1, 1, 3]
 position = [0, 0, 1]
 [joints]
-shaft_one = { type = "revolute", bodies = ["ground", "one"], at = [0, 0, 0] }
-shaft_two = { type = "revolute", bodies = ["ground", "two"], at = [0, 0, 1] }
-clutch = { type = "rotation-motor", bodies = ["one", "two"], at = [0, 0, 0], motion = "0", from = "initial", active = false }
+shaft_one = { type = "revolute", bodies = ["ground", "one"], at = [0, 0, 0], axis = [0, 0, 1] }
+shaft_two = { type = "revolute", bodies = ["ground", "two"], at = [0, 0, 1], axis = [0, 0, 1] }
+clutch = { type = "rotation-motor", bodies = ["one", "two"], at = [0, 0, 0], axis = [0, 0, 1], motion = "0", from = "initial", active = false }
 [events.clutch_in]
 when = "t >= 1"
 on = ["clutch"]
@@ -209,12 +210,13 @@ mass = 2
 inertia = [1e-3, 1e-3, 1e-3]
 position = [1, 0, 0]
 [joints]
-hinge = { type = "revolute", bodies = ["ground", "bob"], at = [0, 0, 0] }
+hinge = { type = "revolute", bodies = ["ground", "bob"], at = [0, 0, 0], axis = [0, 0, 1] }
 fourth = { type = "prescribed", active = false, direction = "y", motion = "-1.5", a = { body = "ground" }, b = { body = "bob" } }
 [forces.spin]
 type = "torque-motor"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 torque = "inputs.level*3 - 0.2*hinge.angular_speed"
 [events.first]
 when = "hinge.angle < -1"
@@ -281,6 +283,7 @@ thrust = 0
 type = "prismatic"
 bodies = ["ground", "ball"]
 at = [0, 0, 3]
+axis = [0, 0, 1]
 [forces.jet]
 type = "load"
 a = { body = "ball" }
@@ -316,12 +319,13 @@ type = "rigid"
 mass = 4
 inertia = [0.1, 0.1, 0.2]
 [joints]
-hinge = { type = "revolute", bodies = ["ground", "rotor"], at = [0, 0, 0] }
-motor = { type = "rotation-motor", bodies = ["ground", "rotor"], at = [0, 0, 0], motion = "2*pi*(40*step(t, 0, 0, 4, 1) - 60*step(t, 5, 0, 10, 1))" }
+hinge = { type = "revolute", bodies = ["ground", "rotor"], at = [0, 0, 0], axis = [0, 0, 1] }
+motor = { type = "rotation-motor", bodies = ["ground", "rotor"], at = [0, 0, 0], axis = [0, 0, 1], motion = "2*pi*(40*step(t, 0, 0, 4, 1) - 60*step(t, 5, 0, 10, 1))" }
 [forces.coil]
 type = "rotational-spring"
 bodies = ["ground", "rotor"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 stiffness = 0.5
 rest = 0
 [integrator]

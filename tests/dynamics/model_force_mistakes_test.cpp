@@ -19,7 +19,7 @@ material = { young = 1e4, density = 100 }
 type = "point"
 mass = 1
 [joints]
-hinge = { type = "revolute", bodies = ["ground", "bob"], at = [0, 0, 0] }
+hinge = { type = "revolute", bodies = ["ground", "bob"], at = [0, 0, 0], axis = [0, 0, 1] }
 ball = { type = "spherical", bodies = ["ground", "bob"], at = [0, 0, 0] }
 [integrator]
 end = 1
@@ -28,7 +28,7 @@ end = 1
 std::string with_torque(const std::string& torque) {
   return kModel +
          "[forces.motor]\ntype = \"torque-motor\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\ntorque = " + torque +
-         "\n";
+         "\naxis = [0, 0, 1]\n";
 }
 
 std::string with_event(const std::string& keys) { return kModel + "[events.bang]\n" + keys + "\n"; }
@@ -64,10 +64,12 @@ std::vector<Mistake> force_mistakes() {
       {"infinite at the start", with_torque("\"1/bob.position.x\""), {"model.toml:21", "not a finite number at t = 0"}},
       {"nan derivative", with_torque("\"sqrt(bob.position.x)\""), {"derivative by bob.position.x"}},
       {"torque on a point",
-       kModel + "[forces.f]\ntype = \"torque-motor\"\na = { body = \"ground\" }\nb = { body = \"dot\" }\ntorque = 1\n",
+       kModel + "[forces.f]\ntype = \"torque-motor\"\na = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = "
+                "\"dot\" }\ntorque = 1\n",
        {"forces.f", "needs a frame with axes"}},
       {"joint of a point",
-       kModel + "[joints.g]\ntype = \"revolute\"\na = { body = \"ground\" }\nb = { body = \"dot\" }\n",
+       kModel +
+           "[joints.g]\ntype = \"revolute\"\na = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = \"dot\" }\n",
        {"joints.g", "needs a frame with axes"}},
 
       {"spline without points", kModel + "[splines.s]\nkind = \"akima\"\n", {"splines.s", "either 'file' or 'points'"}},

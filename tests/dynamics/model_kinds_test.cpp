@@ -190,8 +190,9 @@ position = [0, 0, -1]
 type = "prismatic"
 bodies = ["ground", "m"]
 at = [0, 0, -1]
+axis = [0, 0, 1]
 [forces.f]
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "m" }
 )" + force + kStatics);
   };

@@ -27,14 +27,14 @@ box = [0.02, 0.02, 0.02]
 position = [0, 0.11, -0.005]
 [markers]
 journal = { body = "crank", bore = { point = [0, 0, 0.015], radius = 0.005, length = 0.01 } }
-pin = { body = "crank", bore = { point = [0, 0.03, -0.005], radius = 0.005, length = 0.01 } }
+pin = { body = "crank", bore = { point = [0, 0.03, -0.005], radius = 0.005, length = 0.01 }, axis = [0, 0, 1] }
 big_eye = { body = "rod", bore = { point = [0, 0, 0.005], radius = 0.005 } }
 small_eye = { body = "rod", bore = { point = [0, 0.08, 0.005], radius = 0.005 } }
 [joints]
-bearing = { type = "revolute", a = { body = "ground", point = [0, 0, 0.015] }, b = "journal" }
-motor = { type = "rotation-motor", a = { body = "ground" }, b = "journal", motion = "-100*ramp(t, 0, 0.002)" }
+bearing = { type = "revolute", a = { body = "ground", point = [0, 0, 0.015], axis = [0, 0, 1] }, b = "journal" }
+motor = { type = "rotation-motor", a = { body = "ground", axis = [0, 0, 1] }, b = "journal", motion = "-100*ramp(t, 0, 0.002)" }
 crank_pin = { type = "revolute", a = "pin", b = "big_eye" }
-wrist_pin = { type = "point-on-line", a = { body = "piston" }, b = "small_eye" }
+wrist_pin = { type = "point-on-line", a = { body = "piston", axis = [0, 0, 1] }, b = "small_eye" }
 cylinder = { type = "prismatic", a = { body = "ground", axis = [0, 1, 0] }, b = { body = "piston", axis = [0, 1, 0] } }
 [integrator]
 method = "generalized-alpha"

@@ -60,7 +60,8 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"flexible without place", solid + "[markers.m]\nbody = \"block\"\n", {"model.toml:19", "say where"}},
       {"unknown face", solid + "[markers.m]\nbody = \"block\"\nface = \"x2\"\n", {"x2", "x1"}},
       {"node with axes",
-       solid + "[joints.k]\ntype = \"revolute\"\na = { body = \"ground\" }\nb = { body = \"block\", node = 1 }\n",
+       solid + "[joints.k]\ntype = \"revolute\"\na = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = \"block\", "
+               "node = 1 }\n",
        {"joints.k", "not to a node"}},
       {"contradictory velocity",
        replaced(p, "mass = 2", "mass = 2\nvelocity = [1, 0, 0]"),
@@ -98,7 +99,8 @@ mesh = { part = "block", divisions = [1, 1, 1] }
        p + "[forces.s]\ntype = \"spring\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\nstiffness = 1\n",
        {"model.toml:15", "forces.s", "no direction"}},
       {"function without value",
-       p + "[joints.m]\ntype = \"rotation-motor\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\nmotion = \"sqrt(t - "
+       p + "[joints.m]\ntype = \"rotation-motor\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, "
+           "1]\nmotion = \"sqrt(t - "
            "1)\"\n",
        {"model.toml:15", "joints.m", "\"sqrt(t - 1)\"", "not a finite number at t = 0"}},
   };

@@ -129,6 +129,7 @@ box = [0.1, 0.1, 0.1]
 type = "rotation-motor"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 motion = "2*bob.position.x"
 [integrator]
 end = 1
@@ -155,6 +156,7 @@ position = [0.8, -0.6, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 friction = {{ coefficient = 0.3, slip_speed = 0.05, radius = 0.1 }}
 [integrator]
 step = 2e-3

@@ -64,11 +64,11 @@ mass = 0.3
 box = [0.02, 0.02, 0.02]
 position = ["r + l", 0, 0]
 [joints]
-bearing = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0] }
-pin = { type = "revolute", bodies = ["crank", "rod"], at = ["r", 0, 0] }
-wrist = { type = "revolute", bodies = ["rod", "slider"], at = ["r + l", 0, 0] }
+bearing = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0], axis = [0, 0, 1] }
+pin = { type = "revolute", bodies = ["crank", "rod"], at = ["r", 0, 0], axis = [0, 0, 1] }
+wrist = { type = "revolute", bodies = ["rod", "slider"], at = ["r + l", 0, 0], axis = [0, 0, 1] }
 guide = { type = "prismatic", a = { body = "ground", axis = [1, 0, 0] }, b = { body = "slider", axis = [1, 0, 0] } }
-motor = { type = "rotation-motor", bodies = ["ground", "crank"], at = [0, 0, 0], motion = "20*t + sin(30*t)/3" }
+motor = { type = "rotation-motor", bodies = ["ground", "crank"], at = [0, 0, 0], axis = [0, 0, 1], motion = "20*t + sin(30*t)/3" }
 [integrator]
 relative = 1e-9
 absolute = 1e-10
@@ -100,6 +100,7 @@ position = [0, 0, -1]
 type = "prismatic"
 bodies = ["ground", "mass"]
 at = [0, 0, -1]
+axis = [0, 0, 1]
 [forces.spring]
 type = "spring"
 a = { body = "ground" }
@@ -154,7 +155,7 @@ material = { young = 1e8, poisson = 0.3, density = 1000 }
 reduce = { modes = 6 }
 [joints.hinge]
 type = "revolute"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "arm", face = "x0" }
 [integrator]
 end = 0.5
@@ -179,9 +180,9 @@ mass = 0.1
 box = [0.1, 0.1, 0.1]
 position = [1.3, 0, 0]
 [joints]
-ha = { type = "revolute", bodies = ["ground", "a"], at = [0, 0, 0] }
-hb = { type = "revolute", bodies = ["ground", "b"], at = [1, 0, 0] }
-gear = { type = "gear", a = { body = "ground" }, b = { body = "a" }, c = { body = "ground" }, d = { body = "b" }, ratio = 0.1 }
+ha = { type = "revolute", bodies = ["ground", "a"], at = [0, 0, 0], axis = [0, 0, 1] }
+hb = { type = "revolute", bodies = ["ground", "b"], at = [1, 0, 0], axis = [0, 0, 1] }
+gear = { type = "gear", a = { body = "ground", axis = [0, 0, 1] }, b = { body = "a" }, c = { body = "ground", axis = [0, 0, 1] }, d = { body = "b" }, ratio = 0.1 }
 arm = { type = "fixed", bodies = ["b", "weight"], at = [1.3, 0, 0] }
 [integrator]
 method = "generalized-alpha"

@@ -65,13 +65,13 @@ stiffness = 3
 actuator = "bump(leg.rate) + 2*(leg.coordinate - 0.4)^3 + 0.1*hinge.force.norm + sensors.lift"
 [forces.coil]
 type = "rotational-spring"
-a = { body = "one" }
+a = { body = "one", axis = [0, 0, 1] }
 b = { body = "two" }
 damping = 0.3
 actuator = "sin(hinge.angle) * sleeve.displacement + 0.2*leg.strength + sleeve.friction_moment"
 [forces.drive]
 type = "torque-motor"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "one" }
 torque = "inputs.gain*(1 - hinge.angular_speed) - 0.3*sleeve.angle + t*tip.velocity.y"
 [forces.push]
@@ -203,10 +203,12 @@ position = [0, -1, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 [forces.motor]
 type = "torque-motor"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 torque = "40*(1 - hinge.angle) - 3*hinge.angular_speed"
 [integrator]
 relative = 1e-10

@@ -34,9 +34,10 @@ position = [1, 0, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 [forces.motor]
 type = "torque-motor"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "bob" }
 torque = "inputs.torque"
 [events.release]
@@ -263,7 +264,7 @@ radius = 0.02
 material = "rubber"
 [joints.hinge]
 type = "revolute"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "beam", node = 1 }
 )toml";
   for (const char* method : {"relative = 1e-5\nabsolute = 1e-5\nmax_order = 2\nend = 0.05\n",

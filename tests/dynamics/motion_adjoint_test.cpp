@@ -83,7 +83,7 @@ mass = 0.3
 position = ["length + 0.7", 0.2, 0]
 velocity = [0, "speed", 0.5]
 [joints]
-top = { type = "universal", a = { body = "ground" }, b = { body = "upper", point = ["-length/2", 0, 0] } }
+top = { type = "universal", a = { body = "ground", axis = [0, 0, 1] }, b = { body = "upper", point = ["-length/2", 0, 0] } }
 elbow = { type = "revolute", a = { body = "upper", point = ["length/2", 0, 0], axis = [0, 1, 0] }, b = { body = "lower", point = [-0.35, 0, 0], axis = [0, 1, 0] } }
 [forces]
 damper = { type = "rotational-spring", a = { body = "upper", point = ["length/2", 0, 0], axis = [0, 1, 0] }, b = { body = "lower", point = [-0.35, 0, 0], axis = [0, 1, 0] }, stiffness = 0.5, damping = "damping" }
@@ -153,10 +153,10 @@ material = { young = 1e6, poisson = 0, density = 1000 }
 damping = { stiffness = 1e-2 }
 velocity = [0.9, 0, 0]
 [joints]
-a = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0], friction = { coefficient = 0.2, slip_speed = 0.1, radius = 0.02 } }
-b = { type = "revolute", bodies = ["crank", "rod"], at = [0, 0.3, 0] }
-c = { type = "revolute", bodies = ["rod", "rocker"], at = [1, 0.3, 0] }
-d = { type = "revolute", bodies = ["rocker", "ground"], at = [1, 0, 0] }
+a = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0], axis = [0, 0, 1], friction = { coefficient = 0.2, slip_speed = 0.1, radius = 0.02 } }
+b = { type = "revolute", bodies = ["crank", "rod"], at = [0, 0.3, 0], axis = [0, 0, 1] }
+c = { type = "revolute", bodies = ["rod", "rocker"], at = [1, 0.3, 0], axis = [0, 0, 1] }
+d = { type = "revolute", bodies = ["rocker", "ground"], at = [1, 0, 0], axis = [0, 0, 1] }
 foot = { type = "fixed", a = { body = "rod", point = [0, 0.025, 0] }, b = { body = "blade", node = 1 } }
 [output]
 quantities = ["crank.angular_velocity.z", "b.force.x", "blade.position.x", "a.friction_moment"]

@@ -58,7 +58,9 @@ std::string everything(const Placement& p) {
   text += "[joints]\nhinge = { type = \"revolute\", a = " + ground(0, 0, 0) +
           ", b = { body = \"arm\", point = [-0.5, 0, 0] }, friction = { coefficient = 0.2, slip_speed = 0.1, radius = "
           "0.05 }, limits = { lower = -0.3, stiffness = 500, smoothing = 0.1, damping = 0.1 } }\n";
-  text += "axle = { type = \"revolute\", a = { body = \"arm\", point = [0.5, 0, 0] }, b = { body = \"wheel\" } }\n";
+  text +=
+      "axle = { type = \"revolute\", a = { body = \"arm\", point = [0.5, 0, 0], axis = [0, 0, 1] }, b = { body = "
+      "\"wheel\" } }\n";
   text += "wall = { type = \"fixed\", a = " + ground(0, 1.1, 0.1) + ", b = { body = \"block\", face = \"x0\" } }\n";
   text += "hook = { type = \"spherical\", a = " + ground(0, -1, 0) + ", b = { body = \"rope\", node = 1 } }\n";
   text += "clamp = { type = \"fixed\", a = " + ground(0, -2, 0) + ", b = { body = \"rod\", node = 1 } }\n";
@@ -75,7 +77,8 @@ std::string everything(const Placement& p) {
       "gas = { type = \"pressure\", body = \"block\", face = \"y1\", pressure = \"500*(1 + hinge.angle) + "
       "clamp.force.norm\" }\n";
   text +=
-      "motor = { type = \"torque-motor\", a = { body = \"arm\" }, b = { body = \"wheel\" }, torque = \"2 - "
+      "motor = { type = \"torque-motor\", a = { body = \"arm\", axis = [0, 0, 1] }, b = { body = \"wheel\" }, torque = "
+      "\"2 - "
       "0.3*axle.angular_speed\" }\n";
   text += "push = { type = \"load\", a = \"end\", force = " + p.direction(3, -2, 1) +
           ", moment = " + p.direction(0.2, 0.1, -0.3) + " }\n";
@@ -123,7 +126,7 @@ TEST(Objectivity, OfAnEquilibrium) {
   compare(
       "[joints.brake]\ntype = \"distance\"\na = { body = \"arm\", point = [0.5, 0.3, 0] }\n"
       "b = { body = \"wheel\", point = [0.2, 0.2, 0] }\n[forces.turn]\ntype = \"rotational-spring\"\n"
-      "stiffness = 50\na = { body = \"arm\" }\nb = { body = \"wheel\" }\n[statics]\nload = 0.05\n",
+      "stiffness = 50\na = { body = \"arm\", axis = [0, 0, 1] }\nb = { body = \"wheel\" }\n[statics]\nload = 0.05\n",
       1e-6);
 }
 

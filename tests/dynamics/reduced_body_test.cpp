@@ -35,7 +35,7 @@ box = [0.3, 0.2, 0.1]
 position = [1.5, 0.2, 0.3]
 [markers]
 wall = { body = "block", face = "x0" }
-tip = { body = "block", face = "x1" }
+tip = { body = "block", face = "x1", axis = [0, 0, 1] }
 corner = { body = "block", near = [1, 0.2, 0.3] }
 [joints]
 clamp = { type = "fixed", a = { body = "ground" }, b = "wall" }
@@ -307,8 +307,8 @@ reduce = { modes = )" + std::to_string(modes) +
 root = { body = "bar", face = "x0" }
 tip = { body = "bar", face = "x1" }
 [joints]
-hinge = { type = "revolute", a = { body = "ground", point = [0, 0.025, 0.025] }, b = "root" }
-motor = { type = "rotation-motor", a = { body = "ground" }, b = "root", motion = "30*ramp(t, 0, 1) " }
+hinge = { type = "revolute", a = { body = "ground", point = [0, 0.025, 0.025], axis = [0, 0, 1] }, b = "root" }
+motor = { type = "rotation-motor", a = { body = "ground", axis = [0, 0, 1] }, b = "root", motion = "30*ramp(t, 0, 1) " }
 [output]
 quantities = ["tip.position", "root.position"]
 [integrator]
@@ -345,13 +345,13 @@ damping = { stiffness = 5e-4 }
 )" + reduce +
            "[joints." + name + R"(_hinge]
 type = "revolute"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = ")" +
            name + R"(", node = 1 }
 [joints.)" +
            name + R"(_motor]
 type = "rotation-motor"
-a = { body = "ground" }
+a = { body = "ground", axis = [0, 0, 1] }
 b = { body = ")" +
            name + R"(", node = 1 }
 motion = "0.75*step(t, 0, 0, 0.5, 1) "

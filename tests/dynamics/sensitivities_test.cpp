@@ -88,7 +88,7 @@ box = [0.7, 0.05, 0.05]
 position = ["length + 0.35", 0, 0]
 )") + R"(
 [joints]
-top = { type = "universal", a = { body = "ground" }, b = { body = "upper", point = ["-length/2", 0, 0] } }
+top = { type = "universal", a = { body = "ground", axis = [0, 0, 1] }, b = { body = "upper", point = ["-length/2", 0, 0] } }
 elbow = { type = "revolute", a = { body = "upper", point = ["length/2", 0, 0], axis = [0, 1, 0] }, b = )" +
          (flexible ? R"({ body = "lower", face = "x0", axis = [0, 1, 0] })"
                    : R"({ body = "lower", point = [-0.35, 0, 0], axis = [0, 1, 0] })") +

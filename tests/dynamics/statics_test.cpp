@@ -31,6 +31,7 @@ position = [0, 0, {0}]
 type = "prismatic"
 bodies = ["ground", "apex"]
 at = [0, 0, {0}]
+axis = [0, 0, 1]
 [forces.left]
 type = "spring"
 a = {{ body = "ground", point = [-1, 0, 0] }}

@@ -322,7 +322,7 @@ mass = 2
 box = [0.3, 0.2, 0.1]
 position = [1.5, 0.2, 0.3]
 [joints]
-pin = { type = "revolute", a = { body = "block", node = 2 }, b = { body = "weight" } }
+pin = { type = "revolute", a = { body = "block", axis = [0, 0, 1], node = 2 }, b = { body = "weight" } }
 [forces]
 bushing = { type = "bushing", a = { body = "block", node = 1 }, b = { body = "ground" }, stiffness = [1, 2, 3], angular_stiffness = [2, 1, 3], angular_damping = [0.1, 0.2, 0.3] }
 push = { type = "load", a = { body = "block", node = 2 }, force = [1, 2, 3], moment = [0.3, 0.2, 0.1], follower = true }

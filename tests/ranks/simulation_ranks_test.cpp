@@ -159,6 +159,7 @@ position = [1, 0, 0]
 type = "revolute"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]
+axis = [0, 0, 1]
 [integrator]
 end = 0.2
 [output]

@@ -156,6 +156,8 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
   const SparsePattern& p = system.constraint_pattern();
+  const std::vector<double> sizes = coordinate_sizes(system, q);
+  for (std::size_t k = 0; k < values.size(); ++k) values[k] *= sizes[at(p.ind[k])];
   for (Index row = 0; row < p.rows; ++row)
     if (absent(row)) std::fill(values.begin() + p.ptr[at(row)], values.begin() + p.ptr[at(row) + 1], 0.0);
   // Four are named; the nearest rows of the loop that closes are among the first found.
@@ -194,11 +196,11 @@ void RedundancyGuard::analyze(const State& state) {
   const std::vector<DependentRow> here = dependent_at(state.t, state.q);
   mark(here);
   if (here.empty() || here.size() == state.lambda.size()) return;
-  // Beside the configuration: a step of 1e-3 in a fixed pseudo-random direction, brought back to the constraints that
-  // are kept. If fewer rows depend there, the configuration given was singular.
+  // Beside the configuration: a step of 1e-3 (angle, or of the extent) in a fixed pseudo-random direction, brought back
+  // to the constraints that are kept. If fewer rows depend there, the configuration given was singular.
   State beside = state;
-  std::vector<double> step(state.v.size());
-  for (std::size_t i = 0; i < step.size(); ++i) step[i] = 1e-3 * std::sin(12.9898 * static_cast<double>(i + 1));
+  std::vector<double> step = coordinate_sizes(equations_.system(), state.q);
+  for (std::size_t i = 0; i < step.size(); ++i) step[i] *= 1e-3 * std::sin(12.9898 * static_cast<double>(i + 1));
   equations_.system().retract(state.q, step, beside.q);
   std::fill(beside.v.begin(), beside.v.end(), 0.0);
   try {
@@ -228,13 +230,15 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
   system.constraints(state.t, state.q, {}, {phi, nu, {}, values});
   multiply_by_rows(system.constraint_pattern(), values, state.v, rate);
   const double speed = std::max(1.0, max_norm(state.v));
+  const std::vector<double> sizes = constraint_sizes(system, state.q, values);
   for (RedundantConstraint& r : redundant_) {
     const auto i = static_cast<std::size_t>(r.row);
     r.violation = std::abs(phi[i]);
     const double slip = at_rest ? 0 : std::abs(rate[i] - nu[i]) / speed;
-    if (r.violation <= options_.inconsistency && slip <= options_.inconsistency) continue;
+    const double allowed = options_.inconsistency * sizes[i];
+    if (r.violation <= allowed && slip <= allowed) continue;
     const std::string partner = r.partners.empty() ? "the other constraints" : r.partners.front();
-    const bool position = r.violation > options_.inconsistency;
+    const bool position = r.violation > allowed;
     throw Error(StatusCode::invalid_input,
                 r.name + " contradicts " + partner + " at t = " + std::to_string(state.t) + ": " +
                     (position ? "position differs by " + std::to_string(r.violation)

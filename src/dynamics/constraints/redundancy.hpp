@@ -37,7 +37,7 @@ struct RedundantConstraint {
 
 struct RedundancyOptions {
   double tolerance = 1e-8;      ///< of the rank decision
-  double inconsistency = 1e-6;  ///< a constraint left out that is violated by more (length or angle) is an error
+  double inconsistency = 1e-5;  ///< a constraint left out that is violated by more (of constraint_sizes()) is an error
 };
 
 /// Finds redundant constraints and keeps the equations free of them.

@@ -2,11 +2,9 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 
 namespace espalier::dynamics {
 
@@ -33,12 +31,23 @@ struct Work {
                                              "; check initial positions and contradictory joints");
 }
 
+/// Largest |Phi_i| over the size of its terms.
+double relative_violation(Equations& eq, ConstSpan q) {
+  const std::vector<double> sizes = constraint_sizes(eq.system(), q, eq.phi_q());
+  double worst = 0;
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    const double part = std::abs(eq.phi()[i]) / sizes[i];
+    if (!(part <= worst)) worst = part;  // not a number, too
+  }
+  return worst;
+}
+
 double project_position(Equations& eq, State& s, const ConsistencyOptions& o, Work& w, int& iterations) {
   std::vector<double> total(w.n, 0.0);
   double previous = std::numeric_limits<double>::infinity();
   for (int k = 0; k < o.max_iterations; ++k) {
     eq.evaluate_constraints(s.t, s.q, {});
-    const double violation = max_norm(eq.phi());
+    const double violation = relative_violation(eq, s.q);
     // Round-off ends the iteration a little above a very small tolerance.
     if (violation <= o.tolerance && (violation == 0 || violation > 0.5 * previous || violation < 1e-3 * o.tolerance)) {
       return max_norm(total);
@@ -56,23 +65,103 @@ double project_position(Equations& eq, State& s, const ConsistencyOptions& o, Wo
   fail_level(eq, eq.phi(), "the position constraints", s.t);
 }
 
-double project_velocity(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
-  std::vector<double> total(w.n, 0.0);
+void project_velocity(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
   for (int k = 0; k < 3; ++k) {
     eq.level(s.v, eq.nu(), w.level);
     std::fill(w.b.begin(), w.b.end(), 0.0);
     for (std::size_t i = 0; i < w.m; ++i) w.lower()[i] = -w.level[i];
     eq.solve(w.b);
-    for (std::size_t i = 0; i < w.n; ++i) {
-      s.v[i] += w.b[i];
-      total[i] += w.b[i];
-    }
+    for (std::size_t i = 0; i < w.n; ++i) s.v[i] += w.b[i];
   }
   eq.level(s.v, eq.nu(), w.level);
   if (!(max_norm(w.level) <= o.tolerance * 10 * std::max(1.0, max_norm(s.v)))) {
     fail_level(eq, w.level, "the velocity constraints", s.t);
   }
-  return max_norm(total);
+}
+
+/// Diagonal of the mass matrix.
+std::vector<double> masses(Equations& eq, const State& s) {
+  const SparsePattern& p = eq.system().tangent_pattern();
+  std::vector<double> values(static_cast<std::size_t>(p.nonzeros())), out(s.v.size(), 1.0);
+  eq.system().tangent(s.view(), {1, 0, 0}, values);
+  for (Index j = 0; j < p.cols; ++j)
+    for (Offset k = p.ptr[static_cast<std::size_t>(j)]; k < p.ptr[static_cast<std::size_t>(j) + 1]; ++k)
+      if (p.ind[static_cast<std::size_t>(k)] == j)
+        out[static_cast<std::size_t>(j)] = std::abs(values[static_cast<std::size_t>(k)]);
+  return out;
+}
+
+/// Velocities nearest to those given that satisfy the constraints, and agree with them at the marks: v + Z f with
+/// forces f there, Z what the constraints leave of the inverse mass. The equations for f are solved by conjugate
+/// gradients, scaled by masses, in as many steps as the marked motion has degrees of freedom. Where the constraints do
+/// not allow for the given velocities, as near as they come.
+/// @pre v satisfies the constraints, and the factor is that of the mass matrix
+class KeptVelocities {
+ public:
+  KeptVelocities(Equations& eq, State& s, ConstSpan given, const std::vector<char>& kept, Work& w)
+      : eq_(eq), s_(s), given_(given), kept_(kept), w_(w), mass_(masses(eq, s)) {}
+
+  void run() {
+    constexpr int kMostSteps = 200;
+    constexpr double kStill = 1e-9;  // of the mobility without constraints
+    std::vector<double> r = residual(), p(w_.n), best = s_.v;
+    double squares = weighted(r, r), least = squares;
+    for (std::size_t i = 0; i < w_.n; ++i) p[i] = mass_[i] * r[i];
+    for (int step = 0; step < kMostSteps && squares > 1e-28 * weighted(given_, given_); ++step) {
+      std::fill(w_.b.begin(), w_.b.end(), 0.0);
+      for (std::size_t i = 0; i < w_.n; ++i) w_.b[i] = p[i];
+      eq_.solve(w_.b);
+      double moved = 0, free = 0;
+      for (std::size_t i = 0; i < w_.n; ++i) {
+        moved += p[i] * w_.b[i];
+        free += p[i] * p[i] / mass_[i];
+      }
+      if (!(moved > kStill * free)) break;  // what is left contradicts the constraints
+      for (std::size_t i = 0; i < w_.n; ++i) s_.v[i] += squares / moved * w_.b[i];
+      r = residual();
+      const double now = weighted(r, r);
+      for (std::size_t i = 0; i < w_.n; ++i) p[i] = mass_[i] * r[i] + now / squares * p[i];
+      squares = now;
+      if (now >= least) continue;
+      least = now;
+      best = s_.v;
+    }
+    s_.v = best;
+  }
+
+ private:
+  [[nodiscard]] std::vector<double> residual() const {
+    std::vector<double> r(w_.n, 0.0);
+    for (std::size_t i = 0; i < w_.n; ++i)
+      if (kept_[i] != 0) r[i] = given_[i] - s_.v[i];
+    return r;
+  }
+  [[nodiscard]] double weighted(ConstSpan a, ConstSpan b) const {
+    double sum = 0;
+    for (std::size_t i = 0; i < w_.n; ++i)
+      if (kept_[i] != 0) sum += mass_[i] * a[i] * b[i];
+    return sum;
+  }
+
+  Equations& eq_;
+  State& s_;
+  ConstSpan given_;
+  const std::vector<char>& kept_;
+  Work& w_;
+  std::vector<double> mass_;
+};
+
+/// With those that are to be kept. @return the largest change
+double find_velocities(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
+  const std::vector<double> given = s.v;
+  project_velocity(eq, s, o, w);
+  if (!o.kept_velocities.empty()) {
+    KeptVelocities(eq, s, given, o.kept_velocities, w).run();
+    project_velocity(eq, s, o, w);
+  }
+  double change = 0;
+  for (std::size_t i = 0; i < w.n; ++i) change = std::max(change, std::abs(s.v[i] - given[i]));
+  return change;
 }
 
 void solve_accelerations(Equations& eq, State& s, const ConsistencyOptions& o, Work& w) {
@@ -113,6 +202,29 @@ void refuse(double change, double allowed, const char* what) {
 
 }  // namespace
 
+std::vector<double> coordinate_sizes(const System& system, ConstSpan q) {
+  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity));
+  system.magnitude(q, sizes);
+  const double extent = max_norm(sizes);
+  for (double& size : sizes)
+    if (size != 1) size = extent > 0 ? extent : 1;
+  return sizes;
+}
+
+std::vector<double> constraint_sizes(System& system, ConstSpan q, ConstSpan phi_q) {
+  constexpr double kLeast = 1e-4;
+  std::vector<double> magnitude(static_cast<std::size_t>(system.sizes().velocity));
+  system.magnitude(q, magnitude);
+  const SparsePattern& p = system.constraint_pattern();
+  std::vector<double> sizes(static_cast<std::size_t>(p.rows), 0.0);
+  for (std::size_t i = 0; i < sizes.size(); ++i)
+    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
+      sizes[i] += std::abs(phi_q[k]) * magnitude[static_cast<std::size_t>(p.ind[k])];
+  const double least = kLeast * max_norm(sizes);
+  for (double& size : sizes) size = least > 0 ? std::max(size, least) : 1;
+  return sizes;
+}
+
 ConsistencyResult make_consistent(Equations& equations, State& state, const ConsistencyOptions& options) {
   Work w(equations.sizes());
   ConsistencyResult result;
@@ -123,7 +235,7 @@ ConsistencyResult make_consistent(Equations& equations, State& state, const Cons
   equations.evaluate_constraints(state.t, state.q, {});
   equations.factorize(state.view(), {1, 0, 0});
   if (w.m > 0) {
-    result.velocity_change = project_velocity(equations, state, options, w);
+    result.velocity_change = find_velocities(equations, state, options, w);
     refuse(result.velocity_change, options.allowed_velocity, "velocities");
   }
   for (std::size_t i = 0; i < w.m; ++i) {
@@ -133,84 +245,6 @@ ConsistencyResult make_consistent(Equations& equations, State& state, const Cons
   solve_accelerations(equations, state, options, w);
   result.levels = equations.levels(state.view());
   return result;
-}
-
-namespace {
-
-Eigen::MatrixXd dense_w(const SparsePattern& p, ConstSpan values) {
-  Eigen::MatrixXd a = Eigen::MatrixXd::Zero(p.rows, p.cols);
-  for (Index j = 0; j < p.cols; ++j) {
-    for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j)]);
-         k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j) + 1]); ++k) {
-      a(p.ind[k], j) = values[k];
-    }
-  }
-  return a;
-}
-
-// Orthonormal basis of the null space of Phi_q, by QR with column pivoting of its transpose (redundant rows allowed).
-Eigen::MatrixXd null_space(const SparsePattern& p, ConstSpan values) {
-  if (p.rows == 0) return Eigen::MatrixXd::Identity(p.cols, p.cols);
-  Eigen::MatrixXd g = Eigen::MatrixXd::Zero(p.rows, p.cols);
-  for (Index i = 0; i < p.rows; ++i) {
-    for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(i)]);
-         k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(i) + 1]); ++k) {
-      g(i, p.ind[k]) = values[k];
-    }
-  }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(g.transpose());
-  qr.setThreshold(1e-10);
-  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(p.cols, p.cols);
-  return q.rightCols(p.cols - qr.rank());
-}
-
-}  // namespace
-
-std::vector<double> real_shape(const Eigen::VectorXcd& x) {
-  Eigen::Index at = 0;
-  const double largest = x.size() > 0 ? x.cwiseAbs().maxCoeff(&at) : 0.0;
-  std::vector<double> shape(static_cast<std::size_t>(x.size()), 0.0);
-  if (!(largest > 0)) return shape;
-  const std::complex<double> turn = 1.0 / x[at];
-  for (std::size_t i = 0; i < shape.size(); ++i) shape[i] = (turn * x[static_cast<Eigen::Index>(i)]).real();
-  return shape;
-}
-
-std::vector<Mode> eigenfrequencies(Equations& equations, const State& state) {
-  System& system = equations.system();
-  const SparsePattern& p = system.tangent_pattern();
-  std::vector<double> values(static_cast<std::size_t>(p.nonzeros()));
-  const auto part = [&](const TangentWeights& weights) {
-    system.tangent(state.view(), weights, values);
-    return dense_w(p, values);
-  };
-  equations.evaluate_constraints(state.t, state.q, {});
-  const Eigen::MatrixXd basis = null_space(system.constraint_pattern(), equations.phi_q());
-  const Eigen::MatrixXd mass = basis.transpose() * part({1, 0, 0}) * basis;
-  const Eigen::MatrixXd damping = basis.transpose() * part({0, 1, 0}) * basis;
-  const Eigen::MatrixXd stiffness = basis.transpose() * part({0, 0, 1}) * basis;
-  const Eigen::Index n = basis.cols();
-  if (n == 0) return {};
-  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(mass);
-  Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(2 * n, 2 * n);
-  companion.topRightCorner(n, n).setIdentity();
-  companion.bottomLeftCorner(n, n) = -lu.solve(stiffness);
-  companion.bottomRightCorner(n, n) = -lu.solve(damping);
-  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
-  const Eigen::VectorXcd& eigenvalues = eigen.eigenvalues();
-  const Eigen::MatrixXcd vectors = eigen.eigenvectors().topRows(n);
-  std::vector<Mode> modes;
-  const double largest = eigenvalues.cwiseAbs().maxCoeff();
-  for (Eigen::Index k = 0; k < eigenvalues.size(); ++k) {
-    const std::complex<double> e = eigenvalues[k];
-    if (e.imag() < -1e-14 * largest) continue;
-    const double modulus = std::abs(e);
-    modes.push_back({e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0,
-                     real_shape(basis * vectors.col(k))});
-  }
-  std::sort(modes.begin(), modes.end(),
-            [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
-  return modes;
 }
 
 }  // namespace espalier::dynamics

@@ -3,12 +3,14 @@
 #include <fmt/format.h>
 
 #include <Eigen/Dense>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 #include "dynamics/integrators/linearised.hpp"
+#include "modes/dense_quadratic.hpp"
+#include "modes/dense_symmetric.hpp"
 
 namespace espalier::dynamics {
 
@@ -49,24 +51,6 @@ SparseMatrix bordered(const SparseMatrix& a, const SparsePattern& phi, ConstSpan
   return out;
 }
 
-// How far a matrix is from its symmetric part, relative to its largest entry.
-double asymmetry(const SparseMatrix& a) {
-  Eigen::SparseMatrix<double> full(a.rows, a.cols);
-  std::vector<Eigen::Triplet<double>> entries;
-  double largest = 0;
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
-      const double v = a.values[vibration_at(k)];
-      entries.emplace_back(a.row_ind[vibration_at(k)], j, v);
-      entries.emplace_back(j, a.row_ind[vibration_at(k)], -v);
-      largest = std::max(largest, std::abs(v));
-    }
-  full.setFromTriplets(entries.begin(), entries.end());
-  double worst = 0;
-  for (Eigen::Index k = 0; k < full.nonZeros(); ++k) worst = std::max(worst, std::abs(full.valuePtr()[k]));
-  return largest > 0 ? worst / largest : 0;
-}
-
 // X^T A X.
 Eigen::MatrixXd projected(const SparseMatrix& a, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd ax = Eigen::MatrixXd::Zero(x.rows(), x.cols());
@@ -77,81 +61,211 @@ Eigen::MatrixXd projected(const SparseMatrix& a, const Eigen::MatrixXd& x) {
   return x.transpose() * ax;
 }
 
+std::vector<double> real_shape(const Eigen::VectorXcd& x) {
+  Eigen::Index at = 0;
+  const double largest = x.size() > 0 ? x.cwiseAbs().maxCoeff(&at) : 0.0;
+  std::vector<double> shape(static_cast<std::size_t>(x.size()), 0.0);
+  if (!(largest > 0)) return shape;
+  const std::complex<double> turn = 1.0 / x[at];
+  for (std::size_t i = 0; i < shape.size(); ++i) shape[i] = (turn * x[static_cast<Eigen::Index>(i)]).real();
+  return shape;
+}
+
 Mode vibration_of(std::complex<double> e, const Eigen::VectorXcd& shape) {
   const double modulus = std::abs(e);
   return {e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0, real_shape(shape)};
 }
 
-// Of z'' + D z' + C z = 0, by modulus, one of each pair.
-std::vector<Mode> damped(const Eigen::MatrixXd& damping, const Eigen::MatrixXd& stiffness, const Eigen::MatrixXd& x) {
-  const Eigen::Index q = damping.rows();
-  Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(2 * q, 2 * q);
-  companion.topRightCorner(q, q).setIdentity();
-  companion.bottomLeftCorner(q, q) = -stiffness;
-  companion.bottomRightCorner(q, q) = -damping;
-  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
+Eigen::MatrixXd dense_of(const SparseMatrix& a) {
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.rows, a.cols);
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k)
+      out(a.row_ind[vibration_at(k)], j) += a.values[vibration_at(k)];
+  return out;
+}
+
+SparseMatrix magnitudes(SparseMatrix a) {
+  for (double& v : a.values) v = std::abs(v);
+  return a;
+}
+
+/// The system in coordinates z of undamped modes x = X z: z'' + D z' + (diag(l) + N) z = 0.
+struct ModalSystem {
+  Eigen::VectorXd l;         ///< 0 where rounding leaves nothing else
+  Eigen::VectorXd rounding;  ///< of l
+  Eigen::MatrixXd x, d, n;   ///< N is skew: what is not symmetric of the stiffness
+  std::string notice;
+};
+
+// All modes of a dense system, or `count` of a large one.
+void find_undamped(Equations& equations, const TangentMatrices& a, Index count, const Options* solver,
+                   ModalSystem& out) {
+  const std::vector<Index> rows = kept_constraints(equations);
+  const SparsePattern& phi = equations.system().constraint_pattern();
+  const SparseMatrix k = bordered(a.stiffness, phi, equations.phi_q(), rows);
+  const Index n = a.mass.cols;
+  if (solver == nullptr) {
+    Eigen::MatrixXd whole = dense_of(k);
+    whole = whole.selfadjointView<Eigen::Lower>();
+    const Eigen::MatrixXd m = dense_of(a.mass);
+    const modes::DenseModes found = modes::dense_modes(whole, (m + m.transpose()) / 2, count);
+    out.l = found.eigenvalues;
+    out.x = found.vectors;
+    out.rounding = found.rounding;
+    return;
+  }
+  ModesOptions options;
+  options.count = count;
+  options.solver = *solver;
+  const ModesResult found = find_modes(k, bordered(a.mass, phi, {}, rows), options);
+  if (!found.status.ok()) throw Error(found.status.code, "initial.modes: " + found.status.message);
+  if (!found.complete) out.notice = "initial.modes: " + found.completeness;
+  out.l = Eigen::Map<const Eigen::VectorXd>(found.eigenvalues.data(), found.count());
+  out.x = Eigen::Map<const Eigen::MatrixXd>(found.vectors.data(), found.n, found.count()).topRows(n);
+  out.rounding =
+      0.5 * std::numeric_limits<double>::epsilon() * projected(magnitudes(a.stiffness), out.x.cwiseAbs()).diagonal();
+}
+
+ModalSystem modal_system(Equations& equations, const State& state, Index count, const Options* solver) {
+  constexpr double kRounding = 4;
+  const TangentMatrices a = tangent_matrices(equations.system(), state);
+  equations.evaluate_constraints(state.t, state.q, {});
+  ModalSystem out;
+  find_undamped(equations, a, count, solver, out);
+  for (Eigen::Index i = 0; i < out.l.size(); ++i)
+    if (std::abs(out.l[i]) <= kRounding * out.rounding[i]) out.l[i] = 0;
+  const Eigen::MatrixXd c = projected(a.stiffness, out.x);
+  out.n = (c - c.transpose()) / 2;
+  out.d = projected(a.damping, out.x);
+  if (max_norm(a.damping.values) == 0) return out;
+  constexpr double kNothing = 1e-12;  // of the terms of a sum
+  const Eigen::VectorXd terms = projected(magnitudes(a.damping), out.x.cwiseAbs()).diagonal().cwiseSqrt();
+  out.d = (out.d.array().abs() <= kNothing * (terms * terms.transpose()).array()).select(0.0, out.d);
+  return out;
+}
+
+/// Without N where it is that of a state not quite in equilibrium: nothing beside the stiffnesses of the modes.
+void drop_small_asymmetry(ModalSystem& s) {
+  constexpr double kUnsymmetric = 1e-8;
+  double least = std::numeric_limits<double>::infinity();
+  for (const double l : s.l)
+    if (l != 0) least = std::min(least, std::abs(l));
+  if (std::isinf(least)) least = 0;
+  const Eigen::VectorXd size = s.l.cwiseAbs().cwiseMax(least).cwiseSqrt();
+  if ((s.n.array().abs() <= kUnsymmetric * (size * size.transpose()).array()).all()) s.n.setZero();
+}
+
+std::vector<Mode> undamped(const Eigen::VectorXd& eigenvalues, const Eigen::MatrixXd& x) {
   std::vector<Mode> modes;
-  const double largest = eigen.eigenvalues().cwiseAbs().maxCoeff();
-  for (Eigen::Index k = 0; k < 2 * q; ++k)
-    if (eigen.eigenvalues()[k].imag() >= -1e-14 * largest)
-      modes.push_back(vibration_of(eigen.eigenvalues()[k], x.leftCols(q) * eigen.eigenvectors().col(k).head(q)));
-  std::sort(modes.begin(), modes.end(),
-            [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
+  for (Eigen::Index i = 0; i < eigenvalues.size(); ++i) {
+    const double l = eigenvalues[i];
+    const std::complex<double> e = l >= 0 ? std::complex<double>(0, std::sqrt(l)) : std::sqrt(-l);
+    modes.push_back(vibration_of(e, x.col(i).cast<std::complex<double>>()));
+  }
   return modes;
 }
 
-std::vector<Mode> undamped(const ModesResult& found, const Eigen::MatrixXd& x) {
-  std::vector<Mode> modes;
-  for (std::size_t i = 0; i < found.eigenvalues.size(); ++i) {
-    const double l = found.eigenvalues[i];
-    const std::complex<double> e = l >= 0 ? std::complex<double>(0, std::sqrt(l)) : std::sqrt(-l);
-    modes.push_back(vibration_of(e, x.col(static_cast<Eigen::Index>(i)).cast<std::complex<double>>()));
+/// A real number next to the slowest eigenvalues, and none of them.
+double slow_shift(const ModalSystem& s, const std::vector<Eigen::Index>& coupled) {
+  double slow = std::numeric_limits<double>::infinity();
+  for (const Eigen::Index i : coupled) {
+    const double stiff = std::sqrt(std::abs(s.l[i])), d = std::abs(s.d(i, i));
+    if (stiff > 0 || d > 0) slow = std::min(slow, stiff > 0 ? stiff : d);
   }
+  return std::isinf(slow) ? -1 : -0.1234567 * slow;
+}
+
+// Eigenvalues of the first `size` coordinates, by modulus. Modes without stiffness that nothing couples are apart: 0.
+std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size) {
+  std::vector<Eigen::Index> coupled, free;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const auto any = [&](const Eigen::MatrixXd& a) { return a.row(i).head(size).any() || a.col(i).head(size).any(); };
+    (s.l[i] == 0 && !any(s.d) && !any(s.n) ? free : coupled).push_back(i);
+  }
+  std::vector<Mode> modes;
+  for (const Eigen::Index i : free) modes.push_back(vibration_of(0, s.x.col(i).cast<std::complex<double>>()));
+  if (!coupled.empty()) {
+    const Eigen::MatrixXd l = s.l(coupled).asDiagonal();
+    const double shift = slow_shift(s, coupled);
+    const auto found = espalier::modes::dense_quadratic_modes(l + s.n(coupled, coupled), s.d(coupled, coupled),
+                                                              Eigen::MatrixXd::Identity(l.rows(), l.rows()), shift);
+    for (Eigen::Index i = 0; i < found.eigenvalues.size(); ++i) {
+      const std::complex<double> e = found.eigenvalues[i];
+      modes.push_back(vibration_of(std::abs(e) <= 1e-12 * std::abs(shift) ? 0.0 : e,
+                                   s.x(Eigen::all, coupled) * found.vectors.col(i)));
+    }
+  }
+  std::stable_sort(modes.begin(), modes.end(),
+                   [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
   return modes;
+}
+
+/// By how much the first eigenvalues of both differ, in parts.
+double largest_change(const std::vector<Mode>& a, const std::vector<Mode>& b, Index count) {
+  double change = 0;
+  for (std::size_t i = 0; i < std::min({vibration_at(count), a.size(), b.size()}); ++i)
+    change = std::max(change, std::abs(std::abs(b[i].eigenvalue) - std::abs(a[i].eigenvalue)) /
+                                  std::max(std::abs(a[i].eigenvalue), 1e-300));
+  return change;
+}
+
+/// What rounding of the stiffness leaves of the first modes; empty where that is enough.
+std::string rounding_notice(const ModalSystem& s, Index count) {
+  constexpr double kGood = 1e-6, kApart = 1e-6;  // of l
+  double worst = 0, hidden = 0, least = std::numeric_limits<double>::infinity();
+  for (Eigen::Index i = 0; i < std::min<Eigen::Index>(count, s.l.size()); ++i) {
+    if (s.l[i] == 0) {
+      hidden = std::max(hidden, s.rounding[i]);
+      continue;
+    }
+    worst = std::max(worst, s.rounding[i] / std::abs(s.l[i]));
+    least = std::min(least, std::abs(s.l[i]));
+  }
+  std::string text;
+  if (hidden > kApart * least || (hidden > 0 && std::isinf(least) && count > 6))
+    text = fmt::format(
+        "initial.modes: motions slower than {:.3g} per unit of time cannot be told from those that "
+        "nothing resists, and are given with frequency 0: rounding of the largest stiffnesses hides them",
+        std::sqrt(4 * hidden) / (2 * std::numbers::pi));
+  if (worst > kGood)
+    text += fmt::format(
+        "{}the stiffnesses of the model lie so far apart that rounding may change frequencies by up to "
+        "{:.1e} of them",
+        text.empty() ? "initial.modes: " : "; ", worst / 2);
+  return text;
+}
+
+void add_notice(std::string& text, const std::string& more) {
+  if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
 }
 
 }  // namespace
 
 Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver) {
-  constexpr double kUnsymmetric = 1e-8;
-  const TangentMatrices a = tangent_matrices(equations.system(), state);
-  equations.evaluate_constraints(state.t, state.q, {});
-  const std::vector<Index> rows = kept_constraints(equations);
-  const double velocity_forces = max_norm(a.damping.values);
-  const bool plain = velocity_forces == 0 && asymmetry(a.stiffness) < kUnsymmetric;
-  const Index n = a.mass.cols, free = n - static_cast<Index>(rows.size());
-  ModesOptions options;
-  options.count = std::min(plain ? count : 3 * count + 40, free);
-  options.solver = solver;
+  constexpr Index kDense = 300;
+  return small_vibrations_by(equations, state, count, equations.sizes().velocity <= kDense ? nullptr : &solver);
+}
+
+Vibrations small_vibrations_by(Equations& equations, const State& state, Index count, const Options* solver) {
+  const Index free = equations.sizes().velocity - static_cast<Index>(kept_constraints(equations).size());
   Vibrations out;
-  if (options.count <= 0) return out;
-  const SparsePattern& phi = equations.system().constraint_pattern();
-  const ModesResult found =
-      find_modes(bordered(a.stiffness, phi, equations.phi_q(), rows), bordered(a.mass, phi, {}, rows), options);
-  if (!found.status.ok()) throw Error(found.status.code, "initial.modes: " + found.status.message);
-  const Eigen::Map<const Eigen::MatrixXd> all(found.vectors.data(), found.n, found.count());
-  const Eigen::MatrixXd x = all.topRows(n);
-  if (plain) {
-    out.modes = undamped(found, x);
-    if (!found.complete) out.notice = "initial.modes: " + found.completeness;
-    return out;
+  if (count <= 0 || free <= 0) return out;
+  ModalSystem s = modal_system(equations, state, std::min(count, free), solver);
+  drop_small_asymmetry(s);
+  const bool plain = s.d.isZero(0) && s.n.isZero(0);
+  if (!plain && solver != nullptr) s = modal_system(equations, state, std::min(3 * count + 40, free), solver);
+  out.notice = s.notice;
+  add_notice(out.notice, rounding_notice(s, count));
+  const Eigen::Index size = s.l.size();
+  out.modes = plain ? undamped(s.l, s.x) : damped(s, size);
+  if (!plain && size < free) {
+    const Eigen::Index fewer = std::max<Eigen::Index>(count, 3 * size / 4);
+    add_notice(out.notice,
+               fmt::format("initial.modes: damping is taken in the space of {} undamped modes; with {} of them "
+                           "eigenvalues differ by up to {:.1e}",
+                           size, fewer, largest_change(out.modes, damped(s, fewer), count)));
   }
-  const Eigen::MatrixXd d = projected(a.damping, x), c = projected(a.stiffness, x);
-  out.modes = damped(d, c, x);
-  const Eigen::Index fewer = d.rows() < free ? std::max<Eigen::Index>(count, 3 * d.rows() / 4) : d.rows();
-  const std::vector<Mode> less = damped(d.topLeftCorner(fewer, fewer), c.topLeftCorner(fewer, fewer), x);
-  double change = 0;
-  const std::size_t shown = std::min({vibration_at(count), out.modes.size(), less.size()});
-  for (std::size_t i = 0; i < shown; ++i)
-    change = std::max(change, std::abs(std::abs(less[i].eigenvalue) - std::abs(out.modes[i].eigenvalue)) /
-                                  std::max(std::abs(out.modes[i].eigenvalue), 1e-300));
   out.modes.resize(std::min(vibration_at(count), out.modes.size()));
-  if (fewer < d.rows())
-    out.notice = fmt::format(
-        "initial.modes: damping is taken in the space of {} undamped modes; with {} of them eigenvalues differ by up "
-        "to "
-        "{:.1e}",
-        d.rows(), fewer, change);
   return out;
 }
 

@@ -3,28 +3,46 @@
 #pragma once
 
 #include <array>
+#include <complex>
 #include <string>
 #include <vector>
 
-#include "dynamics/integrators/initial.hpp"
+#include "dynamics/dae/equations.hpp"
 #include "espalier/modes.hpp"
 
 namespace espalier::dynamics {
 
+/// One mode of the linearised system.
+struct Mode {
+  std::complex<double> eigenvalue;  ///< exp(eigenvalue t), 1/s
+  double frequency = 0;             ///< |imaginary part| / (2 pi), Hz
+  double damping_ratio = 0;         ///< -real / |eigenvalue|
+  /// n numbers, a velocity: the real part of the shape, turned so that the largest component is real and 1.
+  std::vector<double> shape;
+};
+
 struct Vibrations {
-  std::vector<Mode> modes;  ///< by modulus
+  std::vector<Mode> modes;  ///< by modulus, one of each conjugate pair
   std::string notice;       ///< what is not exact about them; empty: nothing
 };
 
-/// The `count` lowest modes of M x'' + D x' + C x = 0 on the tangent space of the constraints at a state, by
-/// espalier::find_modes() of C and M with the constraints as multipliers: fewer where the system has fewer. Where there
-/// are velocity-dependent forces, or C is not symmetric, in the space of the lowest modes of M and the symmetric part
-/// of C, three times as many and 40 more (modal projection: R. Craig, A. Kurdila, "Fundamentals of Structural
-/// Dynamics", 2006, chapters 10 and 11); `notice` says how much the frequencies change with the size of that space. A
-/// mode of negative stiffness has frequency 0 and the exponent that grows.
+/// The `count` lowest modes of M x'' + D x' + C x = 0 on the tangent space of the constraints at a state (normally an
+/// equilibrium), fewer where the system has fewer. A motion that nothing resists is one mode with the eigenvalue 0,
+/// negative stiffness one with frequency 0 and the exponent that grows.
+///
+/// The modes of M and the symmetric part of C come first, with the constraints as multipliers: of small systems all of
+/// them, by a dense method whose lowest are exact whatever the range of the spectrum (modes/dense_symmetric.hpp); else
+/// by espalier::find_modes(). Where there are velocity-dependent forces, or C is not symmetric, the problem is
+/// projected on them: all, or three times as many as asked for and 40 more (modal projection: R. Craig, A. Kurdila,
+/// "Fundamentals of Structural Dynamics", 2006, chapters 10 and 11); `notice` says how much eigenvalues change with the
+/// size of that space. What rounding of the stiffness hides is given as 0, or as it is, with a notice of how far it may
+/// be off.
 /// @param solver  device, threads, memory, interruption
 /// @throws Error where they cannot be found
 Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver);
+
+/// The same by either way. @param solver  null: the dense method, O(n^3)
+Vibrations small_vibrations_by(Equations& equations, const State& state, Index count, const Options* solver);
 
 /// Systems with a parameter below and above its value (p -+ step), each with its state.
 struct PencilSides {

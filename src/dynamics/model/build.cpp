@@ -7,6 +7,7 @@
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/hold_joint.hpp"
+#include "dynamics/model/joint_frames.hpp"
 #include "dynamics/model/reach.hpp"
 
 namespace espalier::dynamics::model {
@@ -24,11 +25,10 @@ class Builder {
     frames_.note_initial_state();
     check_places();
     for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
-    for (const JointSpec& joint : model_.joints)
-      at_place(joint.place, [&] { out_.joints.push_back(&out_.system.add(make_joint(joint))); });
+    for (const JointSpec& joint : model_.joints) at_place(joint.place, [&] { add_joint(joint); });
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
-    for (std::size_t k = 0; k < model_.joints.size(); ++k)
-      at_place(model_.joints[k].place, [&] { build_contacts(model_.joints[k], frames_, *out_.joints[k], out_); });
+    for (std::size_t k = 0; k < joints_.size(); ++k)
+      at_place(joints_[k].place, [&] { build_contacts(joints_[k], frames_, *out_.joints[k], out_); });
     build_surface_contacts(model_, frames_, out_);
     build_controls(model_, out_);
     build_functions(model_, out_);
@@ -88,6 +88,12 @@ class Builder {
   }
 
   double length(const JointSpec& j) { return j.measured ? measure(Relative::distance, 0, j.frames) : j.parameter; }
+
+  void add_joint(const JointSpec& given) {
+    joints_.push_back(completed(given, frames_, out_, out_.notices));
+    for (const MarkerSpec& marker : joints_.back().frames) hold_rigidly(marker, frames_, out_);
+    out_.joints.push_back(&out_.system.add(make_joint(joints_.back())));
+  }
 
   std::unique_ptr<Joint> make_joint(const JointSpec& j) {
     std::vector<FramePtr> f;
@@ -159,10 +165,12 @@ class Builder {
     return std::make_unique<CoordinateForce>(f.name, std::move(a), std::move(b), coordinate, motor_law());
   }
 
-  void add_force(const ForceSpec& f) {
-    if (f.type == ForceType::pressure) {
-      add_pressure(f);
+  void add_force(const ForceSpec& given) {
+    if (given.type == ForceType::pressure) {
+      add_pressure(given);
     } else {
+      const ForceSpec f = completed(given, frames_, out_);
+      for (const MarkerSpec& marker : f.frames) hold_rigidly(marker, frames_, out_);
       out_.forces.push_back({&out_.system.add(make_force(f)), f.frames.size() > 1 ? 1 : 0});
     }
   }
@@ -233,6 +241,7 @@ class Builder {
   const Description& model_;
   Mechanism& out_;
   FrameBuilder frames_;
+  std::vector<JointSpec> joints_;  // with all that the text leaves out
 };
 
 }  // namespace

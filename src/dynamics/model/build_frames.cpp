@@ -8,6 +8,7 @@
 #include <optional>
 #include <set>
 
+#include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/model/builders.hpp"
 
@@ -148,7 +149,9 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
   if (body == nullptr) unknown_body(m.body, m.place);
   std::unique_ptr<Frame> frame;
   at_place(m.place, [&] {
-    if (body->flexible != nullptr) {
+    if (body->flexible != nullptr && m.attach == Attach::rigid) {
+      frame = make_rigid(m, *body);
+    } else if (body->flexible != nullptr) {
       std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
       if (body->reduced != nullptr)
         frame = std::make_unique<ReducedFrame>(*body->reduced, *nodal);
@@ -228,8 +231,7 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   return flexible.vertices_per_node() == 4 && turns ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
 }
 
-std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,
-                                                       const Mat3& axes) const {
+std::vector<MeshFace> FrameBuilder::faces_of(const MarkerSpec& m, const BuiltBody& body) const {
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node", m.body));
   std::vector<MeshFace> faces = m.bore ? faces_of_bore(body, *m.bore) : body.mesh->face_set(m.face);
   if (m.radius > 0) {
@@ -243,8 +245,72 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, cons
     if (faces.empty())
       throw std::invalid_argument(fmt::format("no face of '{}' lies within {} of 'near'", m.face, m.radius));
   }
-  std::optional<Vec3> mean;
-  if (m.point_given) mean = m.point;
+  return faces;
+}
+
+namespace {
+
+/// Where the text wants the mean to be, in mesh coordinates.
+std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
+  if (!m.point_given) return std::nullopt;
+  return m.global ? Vec3(body.spec.rotation.transpose() * (m.point - body.spec.position)) : m.point;
+}
+
+}  // namespace
+
+std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody& body) const {
+  if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no sets of nodes or faces", m.body));
+  std::vector<Index> nodes =
+      m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  if (nodes.size() < 3) throw std::invalid_argument("a rigid piece needs three nodes that are not on a line");
+  return nodes;
+}
+
+std::array<Index, 3> FrameBuilder::base_nodes(const MarkerSpec& m, const BuiltBody& body) const {
+  const std::vector<Index> nodes = held_nodes(m, body);
+  const auto farthest = [&](const auto& distance) {
+    return *std::max_element(nodes.begin(), nodes.end(), [&](Index a, Index b) { return distance(a) < distance(b); });
+  };
+  const auto place = [&](Index k) { return reference_node(*body.flexible, k); };
+  const Index first = farthest([&](Index k) { return (place(k) - place(nodes.front())).norm(); });
+  const Index second = farthest([&](Index k) { return (place(k) - place(first)).norm(); });
+  const Vec3 line = place(second) - place(first);
+  const Index third = farthest([&](Index k) { return (place(k) - place(first)).cross(line).norm(); });
+  return {first, second, third};
+}
+
+std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const MarkerSpec& m,
+                                                                        const BuiltBody& body) const {
+  const std::array<Index, 3> base = base_nodes(m, body);
+  Vec3 centre = Vec3::Zero();
+  for (const Index k : base) centre += reference_node(*body.flexible, k) / 3;
+  std::vector<FrameVertex> vertices;
+  for (const Index k : base) vertices.push_back({k, 1.0 / 3, (reference_node(*body.flexible, k) - centre) / 3});
+  const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
+  return {std::make_unique<FlexibleFrame>(*body.flexible, std::move(vertices), axes), centre};
+}
+
+std::unique_ptr<Frame> FrameBuilder::make_rigid(const MarkerSpec& m, const BuiltBody& body) const {
+  auto [base, centre] = make_base(m, body);
+  Vec3 origin = Vec3::Zero();
+  if (const std::optional<Vec3> wanted = wanted_mean(m, body)) {
+    origin = *wanted;
+  } else if (m.nodes.empty()) {
+    origin = area_mean(*body.flexible, *body.mesh, faces_of(m, body));
+  } else {
+    const std::vector<Index> nodes = held_nodes(m, body);
+    for (const Index k : nodes) origin += reference_node(*body.flexible, k) / static_cast<double>(nodes.size());
+  }
+  const Vec3 offset = base->axes().transpose() * (origin - centre);
+  return std::make_unique<CarriedFrame>(std::move(base), offset, Mat3::Identity());
+}
+
+std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,
+                                                       const Mat3& axes) const {
+  std::vector<MeshFace> faces = faces_of(m, body);
+  std::optional<Vec3> mean = wanted_mean(m, body);
   // The rotation couples all nodes of the frame in one dense block, so large sets are thinned out; their mean stays.
   if (const std::size_t nodes = body.mesh->nodes_of_faces(faces).size(), most = static_cast<std::size_t>(m.most_nodes);
       most > 0 && nodes > most) {

@@ -2,7 +2,9 @@
 /// Pieces of the builder: bodies and frames.
 #pragma once
 
+#include <array>
 #include <stdexcept>
+#include <utility>
 
 #include "dynamics/bodies/flexible_frame.hpp"
 #include "dynamics/model/mechanism.hpp"
@@ -59,10 +61,20 @@ class FrameBuilder {
   [[nodiscard]] const MarkerSpec& resolve(const MarkerSpec& marker) const;
   /// A frame on the nodes of a flexible body, which need not be in the system yet. @pre the marker is resolved
   [[nodiscard]] std::unique_ptr<FlexibleFrame> make_nodal(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// Nodes of a marker's face, bore or node set, ascending.
+  [[nodiscard]] std::vector<Index> held_nodes(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// Three of them, far from each other and from a line.
+  [[nodiscard]] std::array<Index, 3> base_nodes(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// The frame that stands on these three alone, and its origin in mesh coordinates.
+  [[nodiscard]] std::pair<std::unique_ptr<FlexibleFrame>, Vec3> make_base(const MarkerSpec& marker,
+                                                                          const BuiltBody& body) const;
 
  private:
   [[nodiscard]] std::unique_ptr<FlexibleFrame> make_face(const MarkerSpec& marker, const BuiltBody& body,
                                                          const Mat3& axes) const;
+  /// Where the mean would be, carried by the frame on three nodes.
+  [[nodiscard]] std::unique_ptr<Frame> make_rigid(const MarkerSpec& marker, const BuiltBody& body) const;
+  [[nodiscard]] std::vector<MeshFace> faces_of(const MarkerSpec& marker, const BuiltBody& body) const;
   [[nodiscard]] Index node(const MarkerSpec& marker, const BuiltBody& body) const;
 
   const Description& model_;

@@ -123,8 +123,9 @@ struct BodySpec {
   Place place;
   std::string name;
   std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec, SubstructureSpec> shape;
-  std::optional<Vec3> gravity;  ///< instead of the model's
-  bool velocity_given = false;  ///< velocity or angular_velocity stands in the text
+  std::optional<Vec3> gravity;                                  ///< instead of the model's
+  bool velocity_given = false, angular_velocity_given = false;  ///< whether they stand in the text
+  [[nodiscard]] bool any_velocity_given() const { return velocity_given || angular_velocity_given; }
   // Flexible bodies; a rigid body keeps its own in RigidBodyData.
   Mat3 rotation = Mat3::Identity();
   Vec3 position = Vec3::Zero(), velocity = Vec3::Zero(), angular_velocity = Vec3::Zero();
@@ -134,6 +135,10 @@ struct BodySpec {
 };
 
 // Frames -------------------------------------------------------------------------------------------------------------
+
+/// How a frame holds the nodes of a face: all of them as one rigid piece, or their mean position and rotation alone, so
+/// that the face may still bend and warp. Automatic: rigid in fixed joints, else the mean.
+enum class Attach { automatic, mean, rigid };
 
 /// A place on a body (or the ground) with axes: what joints and forces hold on to.
 struct MarkerSpec {
@@ -145,6 +150,7 @@ struct MarkerSpec {
   bool point_given = false;
   bool global = false;           ///< point and axes are given in global axes at the initial state
   Mat3 axes = Mat3::Identity();  ///< columns: axes of the frame in body axes (flexible: those of the mesh)
+  bool axis_given = false;       ///< `axis` or `rotation` stands in the text
   // Where on a flexible body; exactly one of them.
   std::optional<std::int64_t>
       node;  ///< label in the mesh or substructure; of cables, beams and shells: counted from 1, -1 the last
@@ -159,7 +165,8 @@ struct MarkerSpec {
     double length = 0;  ///< > 0: only faces within half of it from `point` along the axis
   };
   std::optional<Bore> bore;
-  int most_nodes = 0;  ///< faces are thinned out evenly until about this many nodes are left; 0: never
+  Attach attach = Attach::automatic;  ///< of faces and bores
+  int most_nodes = 0;                 ///< faces are thinned out evenly until about this many nodes are left; 0: never
 };
 
 // Joints and forces --------------------------------------------------------------------------------------------------
@@ -206,6 +213,7 @@ struct JointSpec {
   std::optional<Expression> function;  ///< of motors
   bool relative = false;               ///< the function is added to the initial value
   bool pull = false;                   ///< frames that do not fit at the start are brought together
+  Attach attach = Attach::automatic;   ///< of its frames that do not say it themselves
 };
 
 enum class ForceType {

@@ -4,7 +4,9 @@
 
 #include <map>
 #include <memory>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "base/thread_pool.hpp"
@@ -88,7 +90,8 @@ class Mechanism {
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
   std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
   Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
-  std::vector<std::string> notices;                               ///< what joints do not fit at the start
+  std::vector<std::string> notices;  ///< what joints do not fit at the start, and how they hold faces
+  std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;

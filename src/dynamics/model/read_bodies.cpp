@@ -27,7 +27,8 @@ class BodyReader {
     BodySpec body;
     body.place = value.place;
     body.name = name;
-    body.velocity_given = s.has("velocity") || s.has("angular_velocity");
+    body.velocity_given = s.has("velocity");
+    body.angular_velocity_given = s.has("angular_velocity");
     if (s.has("gravity")) body.gravity = s.vector("gravity");
     const int type = s.choice("type", kTypes);
     if (type == 0) {

@@ -10,7 +10,9 @@ namespace espalier::dynamics::model {
 namespace {
 
 /// Axes with z along `axis`; x as near to `x` as that allows, or to the global x (y) axis.
-Mat3 read_axes(Section& s) {
+/// @param given  whether the text says where z points
+Mat3 read_axes(Section& s, bool& given) {
+  given = s.has("rotation") || s.has("axis");
   if (s.has("rotation")) {
     if (s.has("axis") || s.has("x_axis")) fail(s.place("rotation"), "give either 'rotation' or 'axis' and 'x_axis'");
     return s.rotation("rotation");
@@ -45,8 +47,12 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
     if (count != 2 || bodies.size() != 2)
       fail(s.place("bodies"), "must be a list of two names (or give frames a, b, ...)");
     const Vec3 at = s.vector("at");
-    const Mat3 axes = read_axes(s);
-    for (const std::string& body : bodies) frames.push_back(global_marker(s.place("bodies"), body, at, axes));
+    bool given = false;
+    const Mat3 axes = read_axes(s, given);
+    for (const std::string& body : bodies) {
+      frames.push_back(global_marker(s.place("bodies"), body, at, axes));
+      frames.back().axis_given = given;
+    }
     return frames;
   }
   static const char* const kKeys[] = {"a", "b", "c", "d"};
@@ -59,6 +65,11 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
     frames.push_back(read_marker(*value, ""));
   }
   return frames;
+}
+
+Attach read_attach(Section& s) {
+  if (!s.has("attach")) return Attach::automatic;
+  return s.choice("attach", {"mean", "rigid"}) == 1 ? Attach::rigid : Attach::mean;
 }
 
 /// A number, or "initial".
@@ -77,6 +88,7 @@ JointSpec read_joint(const std::string& name, const Value& value) {
   const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion;
   j.frames = read_frames(s, four ? 4 : 2);
   j.pull = s.flag("pull", false);
+  j.attach = read_attach(s);
   switch (j.type) {
     case JointType::distance:
     case JointType::revolute_spherical:
@@ -229,7 +241,8 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.global = s.flag("global", false);
   m.point_given = s.has("point");
   m.point = s.vector("point", Vec3::Zero());
-  m.axes = read_axes(s);
+  m.axes = read_axes(s, m.axis_given);
+  m.attach = read_attach(s);
   if (s.has("node")) m.node = s.integer("node", -1, 0);
   if (s.has("near")) m.near = s.vector("near");
   m.face = s.text("face", "");

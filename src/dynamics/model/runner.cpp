@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <optional>
 
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
@@ -135,6 +136,7 @@ void Runner::prepare() {
   if (mechanism_->controls != nullptr) guard_->set_absent(mechanism_->controls->absent_rows(state_.lambda.size()));
   ConsistencyOptions consistency;
   consistency.allowed_position = model_.initial.position_tolerance;
+  consistency.kept_velocities = given_velocities(*mechanism_);
   const bool statics = model_.initial.statics && options_.restart.empty();
   try {
     if (statics || model_.statics) {
@@ -153,7 +155,7 @@ void Runner::prepare() {
     for (const auto& lines : {open_joints(*mechanism_, given), moved_bodies(*mechanism_, given, state_)})
       summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
   }
-  if (!model_.initial.project_velocities && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
+  if (options_.restart.empty() && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
   if (statics) find_equilibrium(consistency);
   if (options_.restart.empty() && !model_.statics) find_modes();
   if (model_.statics) mechanism_->system.set_load_factor(0);
@@ -175,25 +177,18 @@ void Runner::describe_system() {
   summary_.degrees_of_freedom = guard_->degrees_of_freedom();
 }
 
-// Velocities that stand in the text are meant; those of other bodies may be found from the constraints.
-void Runner::check_velocities(const State& given, const State& consistent) const {
-  const double largest = max_norm(consistent.v);
-  for (const BuiltBody& body : mechanism_->bodies) {
-    if (!body.spec.velocity_given) continue;
-    const Component& component = body.component();
-    const auto first = static_cast<std::size_t>(component.placement().v);
-    const auto count = static_cast<std::size_t>(component.sizes().velocity);
-    for (std::size_t i = first; i < first + count; ++i) {
-      const double change = std::abs(given.v[i] - consistent.v[i]);
-      if (change <= model_.initial.velocity_tolerance * std::max(largest, max_norm(given.v))) continue;
-      fail(body.spec.place,
-           fmt::format("the initial velocity contradicts the constraints: {} is {:g}, the joints want {:g} (nearest "
-                       "velocities of all bodies); correct the velocities of the bodies joined to '{}', or set "
-                       "initial.velocities = \"project\" to take the nearest",
-                       mechanism_->system.coordinate_name(static_cast<Index>(i)), given.v[i], consistent.v[i],
-                       body.spec.name));
-    }
-  }
+void Runner::check_velocities(const State& given, const State& consistent) {
+  const double allowed = model_.initial.velocity_tolerance * std::max(max_norm(consistent.v), max_norm(given.v));
+  const std::optional<MovedVelocity> kept = changed_velocity(*mechanism_, given, consistent, allowed, true);
+  if (kept && !model_.initial.project_velocities)
+    fail(kept->body->spec.place,
+         fmt::format(
+             "the initial velocity contradicts the constraints: the velocity of {} is {:g} in the text, {:g} is "
+             "the nearest that all given velocities allow for; correct those of the bodies joined to '{}', or "
+             "set initial.velocities = \"project\" to take the nearest",
+             mechanism_->system.coordinate_name(kept->coordinate), kept->given, kept->found, kept->body->spec.name));
+  const std::vector<std::string> lines = velocity_notices(*mechanism_, given, consistent, allowed);
+  summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
 }
 
 void Runner::start_integrator() {
@@ -302,6 +297,8 @@ void Runner::go() {
   if (options_.restart.empty()) give_response();
   going_ = true;
   happen();
+  if (!balance_) balance_ = std::make_unique<EnergyBalance>(mechanism_->system);
+  balance_->begin(current());
 }
 
 // Steps until `end`, an event, the observer or the caller's interruption.
@@ -331,7 +328,9 @@ void Runner::step(double limit) {
     phase.set_number(last_report_.index + 1);
     last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
   }
+  balance_->step(current());
   happen();
+  if (!events_->empty()) balance_->begin(current());
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
   const Phase output("output", summary_.phases.output, trace_.get());
   const Sample s = sample(last_report_);
@@ -368,6 +367,8 @@ void Runner::note_steps() {
         "Newton takes more iterations ({} in {} steps); kind = lu has the whole matrix",
         record_.unsymmetric, record_.largest_asymmetry, integrator_->counts().newton_iterations,
         integrator_->counts().steps));
+  if (const std::optional<std::string> notice = balance_ ? balance_->notice() : std::nullopt)
+    notices.push_back(*notice);
   const IntegratorCounts& c = integrator_->counts();
   // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
   constexpr double kWorthSaying = 1e-6;
@@ -447,6 +448,10 @@ void Runner::finish() {
   summary_.peak_bytes = record_.factor.peak_host_bytes;
   summary_.dumped = record_.dumped;
   summary_.energy_end = to_public(mechanism_->system.energy(current().view()));
+  if (balance_) {
+    summary_.energy_work = balance_->work();
+    summary_.energy_gain = balance_->gain();
+  }
   const Sample s = sample(last_report_);
   summary_.values.clear();
   for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));

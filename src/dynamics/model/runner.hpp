@@ -11,6 +11,7 @@
 #include "base/interruption.hpp"
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/integrators/integrator.hpp"
+#include "dynamics/model/energy_balance.hpp"
 #include "dynamics/model/events.hpp"
 #include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
@@ -73,7 +74,8 @@ class Runner {
   void note_statics(const StaticsResult& result);
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it
-  void check_velocities(const State& given, const State& consistent) const;
+  /// Velocities that stand in the text are meant; those of other bodies follow from the constraints, with a notice.
+  void check_velocities(const State& given, const State& consistent);
   void start_integrator();
   /// Runs `body`; where it fails, what can be saved is, and the summary is brought up to date.
   void guarded(const std::function<void()>& body);
@@ -115,9 +117,10 @@ class Runner {
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
-  bool stopped_ = false;    // by an event
-  double impact_time_ = 0;  // of the last impact
-  long impacts_there_ = 0;  // hardly apart in time from each other
+  std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
+  bool stopped_ = false;                    // by an event
+  double impact_time_ = 0;                  // of the last impact
+  long impacts_there_ = 0;                  // hardly apart in time from each other
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   SimulationSeries series_;

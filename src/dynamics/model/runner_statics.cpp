@@ -143,21 +143,11 @@ void Runner::note_statics(const StaticsResult& result) {
 }
 
 void Runner::find_modes() {
-  // Up to here the dense method, which takes damping as it is, is quick.
-  constexpr Index kDense = 300;
   if (model_.initial.modes == 0) return;
-  const auto wanted = static_cast<Index>(model_.initial.modes);
-  std::vector<Mode> modes;
-  if (equations_->sizes().velocity <= kDense) {
-    modes = eigenfrequencies(*equations_, state_);
-  } else {
-    Vibrations found = small_vibrations(*equations_, state_, wanted, modes_solver_);
-    modes = std::move(found.modes);
-    if (!found.notice.empty()) summary_.notices.push_back(found.notice);
-  }
-  modes.resize(std::min(modes.size(), static_cast<std::size_t>(wanted)));
+  Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
+  if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
-  for (Mode& mode : modes) {
+  for (Mode& mode : found.modes) {
     summary_.modes.push_back({mode.frequency, mode.damping_ratio});
     shapes_.push_back(std::move(mode.shape));
   }

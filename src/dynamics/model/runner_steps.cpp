@@ -54,6 +54,7 @@ void Runner::restore(std::string_view state) {
     guard_->set_absent(mechanism_->controls->absent_rows(state_.lambda.size()));
     guard_->adopt(dropped.empty() ? dropped_at_start_ : dropped);
   }
+  if (balance_) balance_->begin(current());
   last_report_ = {};
   last_report_.t = time();
   last_report_.index = integrator_->counts().steps;

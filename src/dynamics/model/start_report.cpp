@@ -59,8 +59,7 @@ std::vector<std::string> open_joints(Mechanism& mechanism, const State& given) {
     std::size_t worst = first;
     for (std::size_t i = first; i < first + static_cast<std::size_t>(joint->sizes().constraints); ++i)
       if (std::abs(phi[i]) > std::abs(phi[worst])) worst = i;
-    if (joint->sizes().constraints == 0 || !(std::abs(phi[worst]) > kRoundOff * std::max(extent(given), 1e-3)))
-      continue;
+    if (joint->sizes().constraints == 0 || !(std::abs(phi[worst]) > kRoundOff * extent(given))) continue;
     lines.push_back(fmt::format("{} is open by {:.3g} in the given positions",
                                 mechanism.system.constraint_name(static_cast<Index>(worst)), std::abs(phi[worst])));
   }
@@ -90,6 +89,58 @@ std::vector<std::string> moved_bodies(Mechanism& mechanism, const State& given, 
                       "strain energy",
                       body.spec.name, way, energy));
   }
+  return lines;
+}
+
+std::vector<char> given_velocities(const Mechanism& mechanism) {
+  std::vector<char> marks(static_cast<std::size_t>(mechanism.system.sizes().velocity), 0);
+  bool any = false;
+  for (const BuiltBody& body : mechanism.bodies) {
+    if (!body.spec.any_velocity_given()) continue;
+    any = true;
+    const Component& component = body.component();
+    const auto first = marks.begin() + component.placement().v;
+    if (body.rigid == nullptr && body.reduced == nullptr) {
+      std::fill_n(first, component.sizes().velocity, 1);
+      continue;
+    }
+    if (body.spec.velocity_given) std::fill_n(first, 3, 1);
+    if (body.spec.angular_velocity_given) std::fill_n(first + 3, 3, 1);
+  }
+  return any ? marks : std::vector<char>{};
+}
+
+std::optional<MovedVelocity> changed_velocity(const Mechanism& mechanism, const State& given, const State& found,
+                                              double least, bool of_given) {
+  const std::vector<char> marks = given_velocities(mechanism);
+  std::optional<MovedVelocity> worst;
+  for (const BuiltBody& body : mechanism.bodies) {
+    const Component& component = body.component();
+    const auto first = static_cast<std::size_t>(component.placement().v);
+    for (std::size_t i = first; i < first + static_cast<std::size_t>(component.sizes().velocity); ++i) {
+      if ((!marks.empty() && marks[i] != 0) != of_given) continue;
+      const double change = std::abs(given.v[i] - found.v[i]);
+      if (!(change > least) || (worst && change <= std::abs(worst->given - worst->found))) continue;
+      worst = MovedVelocity{&body, static_cast<Index>(i), given.v[i], found.v[i]};
+    }
+  }
+  return worst;
+}
+
+std::vector<std::string> velocity_notices(const Mechanism& mechanism, const State& given, const State& found,
+                                          double least) {
+  std::vector<std::string> lines;
+  if (given_velocities(mechanism).empty()) return lines;
+  const auto text = [&](const MovedVelocity& m) {
+    return fmt::format("that of {} from {:g} to {:g}", mechanism.system.coordinate_name(m.coordinate), m.given,
+                       m.found);
+  };
+  if (const auto changed = changed_velocity(mechanism, given, found, least, true))
+    lines.push_back(fmt::format("initial velocities that were given do not fit the joints and were changed, most {}",
+                                text(*changed)));
+  if (const auto follows = changed_velocity(mechanism, given, found, least, false))
+    lines.push_back(fmt::format("initial velocities that were not given follow from the others by the joints, most {}",
+                                text(*follows)));
   return lines;
 }
 

@@ -2,6 +2,7 @@
 /// What the consistent start of a run did to the configuration that the text gives.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -17,5 +18,21 @@ namespace espalier::dynamics::model {
 /// A line for every body that was moved, with distance and angle; of flexible bodies the largest way of a node and the
 /// strain energy that it cost.
 [[nodiscard]] std::vector<std::string> moved_bodies(Mechanism& mechanism, const State& given, const State& now);
+
+/// Marks of the velocity coordinates that the text gives: of rigid, reduced and point bodies by `velocity` and
+/// `angular_velocity`, each for itself; all of a flexible body where one of them is given. Empty: none.
+[[nodiscard]] std::vector<char> given_velocities(const Mechanism& mechanism);
+
+struct MovedVelocity {
+  const BuiltBody* body = nullptr;
+  Index coordinate = 0;
+  double given = 0, found = 0;
+};
+/// The largest change above `least` of a velocity that is given (or of one that is not); none: there is no such.
+[[nodiscard]] std::optional<MovedVelocity> changed_velocity(const Mechanism& mechanism, const State& given,
+                                                            const State& found, double least, bool of_given);
+/// What became of velocities at the start, where the text gives any: those that were changed, and those that follow.
+[[nodiscard]] std::vector<std::string> velocity_notices(const Mechanism& mechanism, const State& given,
+                                                        const State& found, double least);
 
 }  // namespace espalier::dynamics::model

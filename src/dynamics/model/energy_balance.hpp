@@ -1,0 +1,55 @@
+/// \file
+/// What the steps of a motion do to its energy that no force does.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "dynamics/dae/equations.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Along a motion q' = v, v' = a the energy changes by the power P = dE/dt of what is in no potential: dampers,
+/// friction, motors, moving supports. P follows at each time from the state that satisfies the equations of motion
+/// there, by a difference of the energy along (v, a). What the energy changes from step to step beside the integral of
+/// P (trapezoids) was made, or lost, by the steps themselves. Three evaluations of the energy a step.
+class EnergyBalance {
+ public:
+  explicit EnergyBalance(System& system) : system_(system) {}
+
+  /// At the start, and where a state jumps (impacts, events).
+  void begin(const State& s) {
+    last_ = s;
+    known_.reset();
+  }
+  /// At the end of a step.
+  void step(const State& s);
+
+  [[nodiscard]] double work() const { return work_; }  ///< integral of P
+  [[nodiscard]] double gain() const { return gain_; }  ///< of the steps; negative: a loss
+  /// What the sum of trapezoids may be off: what it changes with every other point left out, in parts.
+  [[nodiscard]] double uncertainty() const { return uncertainty_; }
+  /// Largest kinetic energy, or range of the potential one, or sum of all work, whichever is the largest.
+  [[nodiscard]] double scale() const;
+  /// A line where the gain is more than a hundredth of the scale, beyond what is uncertain.
+  [[nodiscard]] std::optional<std::string> notice() const;
+
+ private:
+  struct Rate {
+    Energy energy;
+    double power = 0;
+  };
+  /// @param h  length of a step
+  [[nodiscard]] Rate rate_of(const State& s, double h);
+
+  System& system_;
+  State last_;
+  std::optional<Rate> known_;  // of the last state
+  double work_ = 0, absolute_work_ = 0, gain_ = 0, uncertainty_ = 0;
+  double kinetic_ = 0, lowest_ = 0, highest_ = 0;
+  bool seen_ = false;
+  std::vector<double> q_, v_, change_;
+};
+
+}  // namespace espalier::dynamics::model

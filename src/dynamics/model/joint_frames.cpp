@@ -1,0 +1,157 @@
+#include "dynamics/model/joint_frames.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "dynamics/bodies/carried_frame.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+using Pair = std::pair<std::size_t, std::size_t>;
+
+/// Pairs of frames of which at least one must say where its axis points.
+std::vector<Pair> axes_of(JointType type) {
+  switch (type) {
+    case JointType::revolute:
+    case JointType::universal:
+    case JointType::cylindrical:
+    case JointType::prismatic:
+    case JointType::planar:
+    case JointType::point_on_line:
+    case JointType::revolute_spherical:
+    case JointType::rotation_motor:
+    case JointType::translation_motor:
+      return {{0, 1}};
+    case JointType::gear:
+    case JointType::rack_and_pinion:
+      return {{0, 1}, {2, 3}};
+    default:
+      return {};
+  }
+}
+
+std::vector<Pair> axes_of(ForceType type) {
+  const bool about_an_axis = type == ForceType::axial_spring || type == ForceType::rotational_spring ||
+                             type == ForceType::torque_motor || type == ForceType::force_motor;
+  return about_an_axis ? std::vector<Pair>{{0, 1}} : std::vector<Pair>{};
+}
+
+/// The axes of one marker for another, in the initial state.
+void take_axes(const MarkerSpec& from, MarkerSpec& to, const FrameBuilder& frames) {
+  constexpr double kSame = 1e-9;
+  if (!frames.make(to)->has_rotation() || !frames.make(from)->has_rotation()) return;
+  const Mat3 given = frames.initial_motion(from).rot, own = frames.initial_motion(to).rot;
+  if (given.col(2).cross(own.col(2)).norm() <= kSame) return;
+  to.axes = to.global ? given : Mat3(to.axes * own.transpose() * given);
+}
+
+template <class Spec>
+void complete_axes(Spec& spec, const std::string& type, const FrameBuilder& frames) {
+  for (const auto& [i, j] : axes_of(spec.type)) {
+    MarkerSpec &a = spec.frames[i], &b = spec.frames[j];
+    if (!a.axis_given && !b.axis_given)
+      throw std::invalid_argument(
+          fmt::format("'{}' needs an axis, which neither of its frames says: give axis = [x, y, z] in frame '{}' (or "
+                      "beside bodies and at), the direction of its z axis",
+                      type, "abcd"[i]));
+    if (!b.axis_given) take_axes(a, b, frames);
+    if (!a.axis_given) take_axes(b, a, frames);
+  }
+}
+
+bool is_face(const MarkerSpec& m) { return !m.face.empty() || m.bore.has_value(); }
+
+std::string face_name(const MarkerSpec& m) {
+  return fmt::format("{} of '{}'",
+                     !m.face.empty()    ? fmt::format("face '{}'", m.face)
+                     : !m.nodes.empty() ? fmt::format("nodes '{}'", m.nodes)
+                                        : std::string("the bore"),
+                     m.body);
+}
+
+/// What holds a face where nothing says it: all its nodes in a fixed joint, if they are there.
+void decide(MarkerSpec& m, const JointSpec& joint, const Mechanism& built, std::vector<std::string>& notices) {
+  if (m.attach == Attach::automatic) m.attach = joint.attach;
+  if (m.attach != Attach::automatic || joint.type != JointType::fixed || !is_face(m)) return;
+  const BuiltBody* body = built.body(m.body);
+  if (body == nullptr || body->flexible == nullptr) return;
+  const bool reduced = body->reduced != nullptr;
+  m.attach = reduced ? Attach::mean : Attach::rigid;
+  notices.push_back(
+      reduced
+          ? fmt::format("{}: holds the mean position and rotation of {}, which may bend and warp: a reduced body has "
+                        "no single nodes to clamp",
+                        joint.name, face_name(m))
+          : fmt::format("{}: clamps {}, all its nodes as one rigid piece (attach = \"rigid\"); attach = \"mean\" "
+                        "would hold their mean position and rotation, and let the face bend and warp",
+                        joint.name, face_name(m)));
+}
+
+void check_attach(const MarkerSpec& m, const Mechanism& built) {
+  if (m.attach != Attach::rigid) return;
+  const BuiltBody* body = built.body(m.body);
+  if (!is_face(m) && m.nodes.empty())
+    fail(m.place, "attach = \"rigid\" needs a face, a bore or a node set, whose nodes are to be one rigid piece");
+  if (body != nullptr && body->reduced != nullptr)
+    fail(m.place, fmt::format("'{}' is reduced, and has no single nodes to hold rigidly: attach = \"mean\", or no "
+                              "'reduce'",
+                              m.body));
+}
+
+}  // namespace
+
+JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Mechanism& built,
+                    std::vector<std::string>& notices) {
+  JointSpec out = joint;
+  bool face = false;
+  for (MarkerSpec& m : out.frames) {
+    m = frames.resolve(m);
+    face = face || is_face(m) || !m.nodes.empty();
+    if (is_face(m) || !m.nodes.empty()) decide(m, joint, built, notices);
+    check_attach(m, built);
+  }
+  if (joint.attach != Attach::automatic && !face)
+    throw std::invalid_argument("'attach' says how a face is held, and none of the joint's frames is one");
+  complete_axes(out, joint_type_names()[static_cast<std::size_t>(joint.type)], frames);
+  return out;
+}
+
+ForceSpec completed(const ForceSpec& force, const FrameBuilder& frames, const Mechanism& built) {
+  ForceSpec out = force;
+  for (MarkerSpec& m : out.frames) {
+    m = frames.resolve(m);
+    check_attach(m, built);
+  }
+  complete_axes(out, force_type_names()[static_cast<std::size_t>(force.type)], frames);
+  return out;
+}
+
+void hold_rigidly(const MarkerSpec& marker, const FrameBuilder& frames, Mechanism& out) {
+  const BuiltBody* body = out.body(marker.body);
+  if (marker.attach != Attach::rigid || body == nullptr) return;
+  const FlexibleBody& flexible = *body->flexible;
+  std::vector<Index> nodes = frames.held_nodes(marker, *body);
+  if (!out.rigid_pieces.insert({marker.body, nodes}).second) return;
+  const std::array<Index, 3> base = frames.base_nodes(marker, *body);
+  const auto name = [&](Index k) { return fmt::format("{}, node {}", face_name(marker), body->mesh->node_label(k)); };
+  const Vec3 centre = frames.make_base(marker, *body).second;
+  const auto place = [&](Index k) { return Vec3(Eigen::Map<const Vec3>(flexible.reference().data() + 3 * k)); };
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Index from = base[i], to = base[(i + 1) % 3];
+    out.system.add(distance_joint(name(from), make_node_frame(flexible, from), make_node_frame(flexible, to),
+                                  (place(to) - place(from)).norm()));
+  }
+  for (const Index k : nodes) {
+    if (std::find(base.begin(), base.end(), k) != base.end()) continue;
+    auto frame = frames.make_base(marker, *body).first;
+    const Vec3 offset = frame->axes().transpose() * (place(k) - centre);
+    out.system.add(spherical_joint(name(k), std::make_unique<CarriedFrame>(std::move(frame), offset, Mat3::Identity()),
+                                   make_node_frame(flexible, k)));
+  }
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,244 @@
+#include "modes/dense_quadratic.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <complex>
+#include <limits>
+#include <numeric>
+#include <vector>
+
+#include "espalier/types.hpp"
+
+namespace espalier::modes {
+namespace {
+
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+using Complex = std::complex<double>;
+
+constexpr double kQuadraticEpsilon = std::numeric_limits<double>::epsilon();
+constexpr double kDependent = 1e-11;  // of the largest singular value: nothing
+constexpr double kTiny = 1e-300;
+constexpr double kSeenResidual = 1e-9;
+
+[[noreturn]] void refuse_shift(double shift) {
+  throw Error(StatusCode::singular,
+              fmt::format("Q({:g}) is singular: the shift is an eigenvalue, or rows depend on each "
+                          "other whatever the shift",
+                          shift));
+}
+
+VectorXd inverse_or_one(const VectorXd& v) {
+  return v.unaryExpr([](double x) { return x > 0 ? 1 / x : 1.0; });
+}
+
+/// R A E with rows and columns of about length one in the largest norm (D. Ruiz, RAL-TR-2001-034).
+struct Equilibrated {
+  explicit Equilibrated(MatrixXd matrix) : a(std::move(matrix)), rows(VectorXd::Ones(a.rows())), columns(rows) {
+    for (int pass = 0; pass < 6; ++pass) {
+      const VectorXd r = inverse_or_one(a.cwiseAbs().rowwise().maxCoeff().cwiseSqrt());
+      const VectorXd e = inverse_or_one(a.cwiseAbs().colwise().maxCoeff().transpose().cwiseSqrt());
+      a = r.asDiagonal() * a * e.asDiagonal();
+      rows = rows.cwiseProduct(r);
+      columns = columns.cwiseProduct(e);
+    }
+  }
+  MatrixXd a;
+  VectorXd rows, columns;
+};
+
+/// Basis of the vectors z with A z = 0 for a matrix of full row rank, orthonormal.
+MatrixXd null_space(const MatrixXd& a, double shift) {
+  if (a.rows() == 0) return MatrixXd::Identity(a.cols(), a.cols());
+  if (a.rows() > a.cols()) refuse_shift(shift);
+  const VectorXd scale = inverse_or_one(a.rowwise().norm());
+  Eigen::ColPivHouseholderQR<MatrixXd> qr((scale.asDiagonal() * a).transpose());
+  qr.setThreshold(kDependent);
+  if (qr.rank() < a.rows()) refuse_shift(shift);
+  const MatrixXd q = qr.householderQ() * MatrixXd::Identity(a.cols(), a.cols());
+  return q.rightCols(a.cols() - a.rows());
+}
+
+/// The problem without the unknowns of which M and C know nothing. Of the rows and columns of K that they have,
+/// K_aa = U S V^T: what S holds follows the others, its null space is that of multipliers and constraints.
+class Reduced {
+ public:
+  Reduced(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
+    for (Eigen::Index i = 0; i < k.rows(); ++i) {
+      const bool known = m.row(i).any() || m.col(i).any() || c.row(i).any() || c.col(i).any();
+      (known ? dynamic_ : static_).push_back(i);
+    }
+    k_ = k(dynamic_, dynamic_);
+    c_ = c(dynamic_, dynamic_);
+    m_ = m(dynamic_, dynamic_);
+    left_ = right_ = MatrixXd::Identity(k_.rows(), k_.rows());
+    if (static_.empty()) return;
+    const Equilibrated own(k(static_, static_));
+    const Eigen::JacobiSVD<MatrixXd> svd(own.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
+    const VectorXd& s = svd.singularValues();
+    const Eigen::Index rank = (s.array() > kDependent * std::max(s[0], kTiny)).count();
+    const MatrixXd u = own.rows.asDiagonal() * svd.matrixU(), v = own.columns.asDiagonal() * svd.matrixV();
+    const MatrixXd k_ad = k(static_, dynamic_), k_da = k(dynamic_, static_);
+    follows_ = v.leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal() * u.leftCols(rank).transpose() * k_ad;
+    free_ = v.rightCols(v.cols() - rank);
+    pulls_ = k_da * free_;
+    k_ -= k_da * follows_;
+    right_ = null_space(u.rightCols(u.cols() - rank).transpose() * k_ad, shift);
+    left_ = null_space(pulls_.transpose(), shift);
+  }
+
+  [[nodiscard]] MatrixXd k() const { return left_.transpose() * k_ * right_; }
+  [[nodiscard]] MatrixXd c() const { return left_.transpose() * c_ * right_; }
+  [[nodiscard]] MatrixXd m() const { return left_.transpose() * m_ * right_; }
+
+  /// The whole vector to one of the reduced problem.
+  [[nodiscard]] VectorXcd expanded(Complex l, const VectorXcd& y) const {
+    const VectorXcd x = right_ * y;
+    VectorXcd out(static_cast<Eigen::Index>(static_.size() + dynamic_.size()));
+    out(dynamic_) = x;
+    if (static_.empty()) return x;
+    VectorXcd rest = -(follows_ * x);
+    if (free_.cols() > 0) {
+      const VectorXcd force = -(k_ * x + l * (c_ * x) + l * l * (m_ * x));
+      rest += free_ * pulls_.cast<Complex>().colPivHouseholderQr().solve(force);
+    }
+    out(static_) = rest;
+    return out;
+  }
+
+ private:
+  std::vector<Eigen::Index> dynamic_, static_;
+  MatrixXd k_, c_, m_, follows_, free_, pulls_, right_, left_;
+};
+
+/// Makes rows and columns of the same index about equal in length, by powers of two; the diagonal of D in D^-1 A D.
+VectorXd balance(MatrixXd& a) {
+  VectorXd d = VectorXd::Ones(a.rows());
+  bool changed = true;
+  for (int pass = 0; pass < 100 && changed; ++pass) {
+    changed = false;
+    for (Eigen::Index i = 0; i < a.rows(); ++i) {
+      const double own = std::abs(a(i, i));
+      const double column = a.col(i).lpNorm<1>() - own, row = a.row(i).lpNorm<1>() - own;
+      if (!(column > 0) || !(row > 0)) continue;
+      const double f = std::exp2(std::round(0.5 * std::log2(row / column)));
+      if (column * f + row / f >= 0.95 * (column + row)) continue;
+      changed = true;
+      d[i] *= f;
+      a.col(i) *= f;
+      a.row(i) /= f;
+    }
+  }
+  return d;
+}
+
+/// Infinite eigenvalues at least: null vectors of M, and those of C among them.
+Eigen::Index infinite(const MatrixXd& c, const MatrixXd& m) {
+  const Equilibrated scaled(m);
+  const Eigen::JacobiSVD<MatrixXd> svd(scaled.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const VectorXd& s = svd.singularValues();
+  const Eigen::Index null = s.size() - (s.array() > kDependent * std::max(s[0], kTiny)).count();
+  if (null == 0) return 0;
+  const MatrixXd u = scaled.rows.asDiagonal() * svd.matrixU().rightCols(null);
+  const MatrixXd v = scaled.columns.asDiagonal() * svd.matrixV().rightCols(null);
+  const MatrixXd inner = Equilibrated(u.transpose() * c * v).a;
+  Eigen::FullPivLU<MatrixXd> lu(inner);
+  lu.setThreshold(kDependent);
+  return null + (null - lu.rank());
+}
+
+/// How far pairs are from being solutions, in equilibrated rows and unknowns.
+class Residuals {
+ public:
+  Residuals(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, const VectorXd& rows, const VectorXd& columns)
+      : k_(rows.asDiagonal() * k * columns.asDiagonal()),
+        c_(rows.asDiagonal() * c * columns.asDiagonal()),
+        m_(rows.asDiagonal() * m * columns.asDiagonal()) {}
+  /// Of z, x over its scale.
+  [[nodiscard]] double operator()(Complex l, const VectorXcd& z) const {
+    const double a = std::abs(l), size = a * a * m_norm_ + a * c_norm_ + k_norm_;
+    return (k_ * z + l * (c_ * z) + l * l * (m_ * z)).norm() / (size * z.norm());
+  }
+
+ private:
+  static double norm(const MatrixXd& a) { return a.cwiseAbs().rowwise().sum().maxCoeff(); }
+  MatrixXd k_, c_, m_;
+  double k_norm_ = norm(k_), c_norm_ = norm(c_), m_norm_ = norm(m_);
+};
+
+/// theta [x; y] = [-Q(s)^-1 ((C + 2 s M) x + M y); x], l = s + 1 / theta, in equilibrated unknowns x = E z.
+struct Linearized {
+  Linearized(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
+    const Eigen::Index n = k.rows();
+    const Equilibrated q(k + shift * c + shift * shift * m);
+    const Eigen::PartialPivLU<MatrixXd> lu(q.a);
+    if (!(lu.rcond() > kQuadraticEpsilon)) refuse_shift(shift);
+    a = MatrixXd::Zero(2 * n, 2 * n);
+    a.topLeftCorner(n, n) = -lu.solve(q.rows.asDiagonal() * (c + 2 * shift * m) * q.columns.asDiagonal());
+    a.topRightCorner(n, n) = -lu.solve(q.rows.asDiagonal() * m * q.columns.asDiagonal());
+    a.bottomLeftCorner(n, n).setIdentity();
+    unscale = balance(a);
+    rows = q.rows;
+    columns = q.columns;
+    order.resize(static_cast<std::size_t>(2 * n));
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
+    const VectorXd size = a.cwiseAbs().rowwise().sum() + a.cwiseAbs().colwise().sum().transpose();
+    // Large rows first: the QR algorithm then keeps small eigenvalues of graded matrices.
+    std::stable_sort(order.begin(), order.end(), [&](Eigen::Index i, Eigen::Index j) { return size[i] > size[j]; });
+    a = a(order, order).eval();
+  }
+  /// z of a vector of `a`.
+  [[nodiscard]] VectorXcd unknowns(const VectorXcd& v) const {
+    VectorXcd z(v.size());
+    z(order) = v;
+    return unscale.cast<Complex>().cwiseProduct(z).head(v.size() / 2);
+  }
+  MatrixXd a;
+  VectorXd unscale, rows, columns;
+  std::vector<Eigen::Index> order;
+};
+
+}  // namespace
+
+DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
+  const Reduced reduced(k, c, m, shift);
+  const MatrixXd rk = reduced.k(), rc = reduced.c(), rm = reduced.m();
+  const Eigen::Index n = rk.rows();
+  if (n == 0) return {};
+  const Linearized linear(rk, rc, rm, shift);
+  const Eigen::EigenSolver<MatrixXd> eigen(linear.a);
+  if (eigen.info() != Eigen::Success)
+    throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
+  const VectorXcd& theta = eigen.eigenvalues();
+  const MatrixXcd vectors = eigen.eigenvectors();
+  std::vector<Eigen::Index> chosen(static_cast<std::size_t>(2 * n));
+  std::iota(chosen.begin(), chosen.end(), Eigen::Index{0});
+  std::stable_sort(chosen.begin(), chosen.end(),
+                   [&](Eigen::Index a, Eigen::Index b) { return std::abs(theta[a]) > std::abs(theta[b]); });
+  chosen.resize(static_cast<std::size_t>(2 * n - std::min(2 * n, infinite(rc, rm))));
+  const Residuals residual(rk, rc, rm, linear.rows, linear.columns);
+  DenseQuadraticModes out;
+  std::vector<VectorXcd> found;
+  std::vector<Complex> values;
+  for (const Eigen::Index i : chosen) {
+    if (theta[i].imag() > 0) continue;
+    const Complex l = shift + 1.0 / theta[i];
+    const VectorXcd z = linear.unknowns(vectors.col(i));
+    if (!(residual(l, z) <= kSeenResidual)) {
+      ++out.unseen;
+      continue;
+    }
+    values.push_back(l);
+    found.push_back(reduced.expanded(l, linear.columns.cast<Complex>().cwiseProduct(z)));
+  }
+  out.eigenvalues = Eigen::Map<const VectorXcd>(values.data(), static_cast<Eigen::Index>(values.size()));
+  out.vectors.resize(k.rows(), out.eigenvalues.size());
+  for (std::size_t i = 0; i < found.size(); ++i) out.vectors.col(static_cast<Eigen::Index>(i)) = found[i];
+  return out;
+}
+
+}  // namespace espalier::modes

@@ -1,0 +1,24 @@
+/// \file
+/// All eigenvalues of a small quadratic problem (l^2 M + l C + K) x = 0.
+#pragma once
+
+#include <Eigen/Dense>
+
+namespace espalier::modes {
+
+struct DenseQuadraticModes {
+  Eigen::VectorXcd eigenvalues;  ///< finite ones by distance from the shift; of a conjugate pair the one above the axis
+  Eigen::MatrixXcd vectors;      ///< n rows, a column for each
+  Eigen::Index unseen = 0;       ///< so far from the shift that rounding leaves nothing of them: not among those above
+};
+
+/// Real matrices n x n, symmetric or not; M may be singular. Unknowns of which M and C know nothing (multipliers, rows
+/// of constraints, massless ones) are eliminated first: their infinite eigenvalues are defective, and rounding would
+/// make large finite ones of them. What is left is linearized, shifted and inverted as in QuadraticSearch, equilibrated
+/// and balanced (B. Parlett, C. Reinsch, Numer. Math. 13, 1969), so that units of the unknowns do not matter and the
+/// eigenvalues next to the shift are the most exact; then the QR algorithm. O((2 n)^3).
+/// @throws Error: singular where the shift is an eigenvalue or the problem is singular everywhere
+DenseQuadraticModes dense_quadratic_modes(const Eigen::MatrixXd& k, const Eigen::MatrixXd& c, const Eigen::MatrixXd& m,
+                                          double shift);
+
+}  // namespace espalier::modes
