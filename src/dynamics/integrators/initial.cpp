@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -150,7 +149,6 @@ Eigen::MatrixXd dense_w(const SparsePattern& p, ConstSpan values) {
 
 // Orthonormal basis of the null space of Phi_q, by QR with column pivoting of its transpose (redundant rows allowed).
 Eigen::MatrixXd null_space(const SparsePattern& p, ConstSpan values) {
-  if (p.rows == 0) return Eigen::MatrixXd::Identity(p.cols, p.cols);
   Eigen::MatrixXd g = Eigen::MatrixXd::Zero(p.rows, p.cols);
   for (Index i = 0; i < p.rows; ++i) {
     for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(i)]);
@@ -158,10 +156,7 @@ Eigen::MatrixXd null_space(const SparsePattern& p, ConstSpan values) {
       g(i, p.ind[k]) = values[k];
     }
   }
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(g.transpose());
-  qr.setThreshold(1e-10);
-  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(p.cols, p.cols);
-  return q.rightCols(p.cols - qr.rank());
+  return dense::null_space(g, 1e-10);
 }
 
 }  // namespace
@@ -191,14 +186,14 @@ std::vector<Mode> eigenfrequencies(Equations& equations, const State& state) {
   const Eigen::MatrixXd stiffness = basis.transpose() * part({0, 0, 1}) * basis;
   const Eigen::Index n = basis.cols();
   if (n == 0) return {};
-  const Eigen::PartialPivLU<Eigen::MatrixXd> lu(mass);
+  const dense::Lu lu(mass);
   Eigen::MatrixXd companion = Eigen::MatrixXd::Zero(2 * n, 2 * n);
   companion.topRightCorner(n, n).setIdentity();
   companion.bottomLeftCorner(n, n) = -lu.solve(stiffness);
   companion.bottomRightCorner(n, n) = -lu.solve(damping);
-  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
-  const Eigen::VectorXcd& eigenvalues = eigen.eigenvalues();
-  const Eigen::MatrixXcd vectors = eigen.eigenvectors().topRows(n);
+  const dense::ComplexSpectrum eigen = dense::general_eigen(companion);
+  const Eigen::VectorXcd& eigenvalues = eigen.values;
+  const Eigen::MatrixXcd vectors = eigen.vectors.topRows(n);
   std::vector<Mode> modes;
   const double largest = eigenvalues.cwiseAbs().maxCoeff();
   for (Eigen::Index k = 0; k < eigenvalues.size(); ++k) {

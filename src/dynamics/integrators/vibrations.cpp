@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "dense/dense.hpp"
 #include "dynamics/integrators/linearised.hpp"
 
 namespace espalier::dynamics {
@@ -89,12 +89,12 @@ std::vector<Mode> damped(const Eigen::MatrixXd& damping, const Eigen::MatrixXd& 
   companion.topRightCorner(q, q).setIdentity();
   companion.bottomLeftCorner(q, q) = -stiffness;
   companion.bottomRightCorner(q, q) = -damping;
-  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(companion);
+  const dense::ComplexSpectrum eigen = dense::general_eigen(companion);
   std::vector<Mode> modes;
-  const double largest = eigen.eigenvalues().cwiseAbs().maxCoeff();
+  const double largest = eigen.values.cwiseAbs().maxCoeff();
   for (Eigen::Index k = 0; k < 2 * q; ++k)
-    if (eigen.eigenvalues()[k].imag() >= -1e-14 * largest)
-      modes.push_back(vibration_of(eigen.eigenvalues()[k], x.leftCols(q) * eigen.eigenvectors().col(k).head(q)));
+    if (eigen.values[k].imag() >= -1e-14 * largest)
+      modes.push_back(vibration_of(eigen.values[k], x.leftCols(q) * eigen.vectors.col(k).head(q)));
   std::sort(modes.begin(), modes.end(),
             [](const Mode& a, const Mode& b) { return std::abs(a.eigenvalue) < std::abs(b.eigenvalue); });
   return modes;
@@ -221,10 +221,10 @@ FrequencySlopes frequency_slopes(Equations& equations, const State& state, Index
       const Eigen::MatrixXd group =
           x.middleCols(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(end - first));
       const Eigen::MatrixXd slope = lower_projected(dk, group) - l[first] * lower_projected(dm, group);
-      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(slope, Eigen::EigenvaluesOnly);
+      const Eigen::VectorXd slopes = dense::symmetric_eigenvalues(slope);
       for (std::size_t i = first; i < end; ++i)
         out.derivatives[i * parameters.size() + p] =
-            eigen.eigenvalues()[static_cast<Eigen::Index>(i - first)] / (2 * std::sqrt(l[i]) * 2 * std::numbers::pi);
+            slopes[static_cast<Eigen::Index>(i - first)] / (2 * std::sqrt(l[i]) * 2 * std::numbers::pi);
     }
   }
   return out;
