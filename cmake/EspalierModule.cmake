@@ -1,7 +1,7 @@
 # espalier_module(name FOLDER folder SUBFOLDERS names... GENERATED sources... DEPENDS other modules... LIBRARIES external targets...)
 # One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
 # in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone.
-# A build from nothing compiles them together, unless APART is given.
+# A build from nothing compiles them together, unless APART is given. COLD and HOT: espalier_cold().
 # A module sees the headers of the modules below it as "module/header.hpp".
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
@@ -26,53 +26,93 @@ function(espalier_flags target)
   endif()
 endfunction()
 
-# Reads headers of libraries, which take most of the time of small sources, once for a target (ESPALIER_FROM_SCRATCH).
-# Sources with options of their own are left out: their compiler would refuse what others have read.
-# espalier_precompile(target headers...)
-function(espalier_precompile target)
-  if(ESPALIER_FROM_SCRATCH AND TARGET ${target})
-    target_precompile_headers(${target} PRIVATE ${ARGN})
-    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # forgets that what it has read came from the system: false alarms there
-      target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-array-bounds -Wno-stringop-overflow
-        -Wno-stringop-overread>)
-    endif()
-    get_target_property(sources ${target} SOURCES)
-    foreach(source IN LISTS sources)
-      get_source_file_property(options ${source} COMPILE_OPTIONS)
-      if(options)
-        set_source_files_properties(${source} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
-      endif()
-    endforeach()
+# What is not hot is compiled with -O1 in a release build: it takes half the time of -O3, and the loops over entries,
+# elements and tiles stand in few sources. Those are given as HOT (-O2: GCC makes vectors and inlines).
+# espalier_cold(target HOT sources...), before its sources are compiled together
+function(espalier_cold target)
+  cmake_parse_arguments(ARG "" "" "HOT" ${ARGN})
+  target_compile_options(${target} PRIVATE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release>>:-O1>)
+  if(ARG_HOT)
+    set_property(SOURCE ${ARG_HOT} APPEND PROPERTY COMPILE_OPTIONS $<$<CONFIG:Release>:-O2>)
   endif()
 endfunction()
 
-# Compiles sources of a target together, as one file, with these options (ESPALIER_FROM_SCRATCH): their headers are read and their
-# templates made once. Names in their anonymous namespaces must differ; a clash is an error of the compiler.
+# Reads headers of libraries, which take most of the time of small sources, once for a target (ESPALIER_FROM_SCRATCH), or
+# takes what another target with the same options has read. Sources with options of their own other than -O are left out:
+# their compiler would refuse what others have read.
+# espalier_precompile(target [FROM other target] headers...)
+function(espalier_precompile target)
+  cmake_parse_arguments(ARG "" "FROM" "" ${ARGN})
+  if(NOT ESPALIER_FROM_SCRATCH OR NOT TARGET ${target})
+    return()
+  endif()
+  if(ARG_FROM)
+    target_precompile_headers(${target} REUSE_FROM ${ARG_FROM})
+  else()
+    target_precompile_headers(${target} PRIVATE ${ARG_UNPARSED_ARGUMENTS})
+  endif()
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # forgets that what it has read came from the system: false alarms there
+    target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-array-bounds -Wno-stringop-overflow
+      -Wno-stringop-overread -Wno-subobject-linkage>)
+  endif()
+  get_target_property(sources ${target} SOURCES)
+  foreach(source IN LISTS sources)
+    get_source_file_property(options ${source} COMPILE_OPTIONS)
+    if(options AND NOT options MATCHES "^[^;]*:-O[123]>$")
+      set_source_files_properties(${source} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+    endif()
+  endforeach()
+endfunction()
+
+# Compiles sources of a target together, as few files (ESPALIER_FROM_SCRATCH): their headers are read and their templates
+# made once. Sources with the same options go together, up to 200 kB (half a minute of a compiler). Names in their
+# anonymous namespaces must differ; a clash is an error of the compiler.
 # espalier_together(target name OPTIONS options... SOURCES files...), files relative to the current folder.
 function(espalier_together target name)
   cmake_parse_arguments(ARG "" "" "OPTIONS;SOURCES" ${ARGN})
   if(ARG_OPTIONS)
     set_property(SOURCE ${ARG_SOURCES} APPEND PROPERTY COMPILE_OPTIONS ${ARG_OPTIONS})
   endif()
-  if(ESPALIER_FROM_SCRATCH)
-    set(text)
-    foreach(source IN LISTS ARG_SOURCES)
-      cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
-      string(APPEND text "#include \"${source}\"\n")
-    endforeach()
-    set(together ${CMAKE_CURRENT_BINARY_DIR}/${target}_${name}.cpp)
-    file(CONFIGURE OUTPUT ${together} CONTENT "${text}" @ONLY)
-    if(ARG_OPTIONS)
-      set_source_files_properties(${together} PROPERTIES COMPILE_OPTIONS "${ARG_OPTIONS}")
-    endif()
-    set_source_files_properties(${ARG_SOURCES} PROPERTIES HEADER_FILE_ONLY ON)
-    target_sources(${target} PRIVATE ${together})
-    list(TRANSFORM ARG_SOURCES REPLACE ".*/" "" OUTPUT_VARIABLE names)
-    set_property(TARGET ${target} APPEND PROPERTY ESPALIER_TOGETHER ${names})
-    if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # takes the included sources for headers
-      set_property(SOURCE ${together} APPEND PROPERTY COMPILE_OPTIONS -Wno-subobject-linkage)
-    endif()
+  if(NOT ESPALIER_FROM_SCRATCH)
+    return()
   endif()
+  set(pieces)
+  foreach(source IN LISTS ARG_SOURCES)
+    cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY ${CMAKE_CURRENT_SOURCE_DIR})
+    get_source_file_property(options ${source} COMPILE_OPTIONS)
+    file(SIZE ${source} bytes)
+    string(MD5 key "${options}")
+    if(NOT DEFINED bytes_${key})
+      set(bytes_${key} 0)
+      set(piece_${key} 0)
+    endif()
+    math(EXPR bytes_${key} "${bytes_${key}} + ${bytes}")
+    if(bytes_${key} GREATER 200000 AND text_${key}_${piece_${key}})
+      math(EXPR piece_${key} "${piece_${key}} + 1")
+      set(bytes_${key} ${bytes})
+    endif()
+    set(piece ${key}_${piece_${key}})
+    string(APPEND text_${piece} "#include \"${source}\"\n")
+    set(options_${piece} "${options}")
+    list(APPEND pieces ${piece})
+  endforeach()
+  list(REMOVE_DUPLICATES pieces)
+  set(number "")
+  foreach(piece IN LISTS pieces)
+    set(together ${CMAKE_CURRENT_BINARY_DIR}/${target}_${name}${number}.cpp)
+    file(CONFIGURE OUTPUT ${together} CONTENT "${text_${piece}}" @ONLY)
+    if(options_${piece})
+      set_source_files_properties(${together} PROPERTIES COMPILE_OPTIONS "${options_${piece}}")
+    endif()
+    target_sources(${target} PRIVATE ${together})
+    math(EXPR number "0${number} + 1")
+  endforeach()
+  if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # takes the included sources for headers
+    target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-subobject-linkage>)
+  endif()
+  set_source_files_properties(${ARG_SOURCES} PROPERTIES HEADER_FILE_ONLY ON)
+  list(TRANSFORM ARG_SOURCES REPLACE ".*/" "" OUTPUT_VARIABLE names)
+  set_property(TARGET ${target} APPEND PROPERTY ESPALIER_TOGETHER ${names})
 endfunction()
 
 # Two targets of a folder may share sources, but what one compiles together is compiled so alone: every such source of
@@ -90,16 +130,15 @@ function(espalier_check_together target)
   endforeach()
 endfunction()
 
-# All sources of a target together, but for those with options or definitions of their own and those that say
+# All sources of a target together, but for those with definitions of their own and those that say
 # SKIP_UNITY_BUILD_INCLUSION.
 # espalier_all_together(target sources...)
 function(espalier_all_together target)
   set(plain)
   foreach(source IN LISTS ARGN)
-    get_source_file_property(options ${source} COMPILE_OPTIONS)
     get_source_file_property(definitions ${source} COMPILE_DEFINITIONS)
     get_source_file_property(apart ${source} SKIP_UNITY_BUILD_INCLUSION)
-    if(NOT options AND NOT definitions AND NOT apart)
+    if(NOT definitions AND NOT apart)
       list(APPEND plain ${source})
     endif()
   endforeach()
@@ -110,7 +149,7 @@ function(espalier_all_together target)
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "APART" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "APART;COLD" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES;HOT" ${ARGN})
   if(NOT ARG_FOLDER)
     set(ARG_FOLDER ${name})
   endif()
@@ -128,8 +167,15 @@ function(espalier_module name)
     set(sources ${CMAKE_CURRENT_BINARY_DIR}/${name}_empty.cpp)
   endif()
   add_library(espalier_${name} STATIC ${sources})
+  if(ARG_COLD)
+    list(TRANSFORM ARG_HOT REPLACE "(.+)" "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_FOLDER}/\\1.cpp")
+    espalier_cold(espalier_${name} HOT ${ARG_HOT})
+  endif()
   if(NOT ARG_APART)
     espalier_all_together(espalier_${name} ${sources})
+  endif()
+  if(NOT ARG_APART AND NOT name STREQUAL base)
+    espalier_precompile(espalier_${name} FROM espalier_base)
   endif()
   set_target_properties(espalier_${name} PROPERTIES POSITION_INDEPENDENT_CODE ON)
   espalier_flags(espalier_${name})

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/SparseLU>
 #include <algorithm>
 #include <stdexcept>
 
@@ -56,31 +55,36 @@ class Spline {
   [[nodiscard]] double step(std::size_t k) const { return knots_[k + 1] - knots_[k]; }
 
   /// h_(k-1) m_(k-1) + 2 (h_(k-1) + h_k) m_k + h_k m_(k+1) = 6 (difference of the chords' slopes); at the ends the
-  /// third derivative is the same on both sides of the second and of the last but one point.
+  /// third derivative is the same on both sides of the second and of the last but one point, which gives m
+  /// there; with it the first and the last of these equations have two unknowns. Elimination from the first to the
+  /// last: the diagonal is the largest of its row.
   [[nodiscard]] Eigen::MatrixX3d second_derivatives() const {
-    const auto n = static_cast<Eigen::Index>(points_.size());
-    Eigen::MatrixX3d right = Eigen::MatrixX3d::Zero(n, 3);
-    if (n < 3) return right;
-    Eigen::SparseMatrix<double> matrix(n, n);
-    for (Eigen::Index k = 1; k + 1 < n; ++k) {
-      const auto p = static_cast<std::size_t>(k);
-      const double a = step(p - 1), b = step(p);
-      matrix.insert(k, k - 1) = a;
-      matrix.insert(k, k) = 2 * (a + b);
-      matrix.insert(k, k + 1) = b;
-      right.row(k) = 6 * ((points_[p + 1] - points_[p]) / b - (points_[p] - points_[p - 1]) / a).transpose();
+    const std::size_t n = points_.size();
+    Eigen::MatrixX3d m = Eigen::MatrixX3d::Zero(static_cast<Eigen::Index>(n), 3);
+    std::vector<double> above(n, 0.0);  // of the unit diagonal
+    for (std::size_t k = 1; k + 1 < n; ++k) {
+      const auto row = static_cast<Eigen::Index>(k);
+      const double a = step(k - 1), b = step(k);
+      double before = k == 1 ? 0 : a, diagonal = 2 * (a + b), after = k + 2 == n ? 0 : b;
+      if (n == 3) diagonal += a + b;  // all three are the same: a parabola
+      if (n > 3 && k == 1) diagonal += a * (a + b) / b, after -= a * a / b;
+      if (n > 3 && k + 2 == n) diagonal += b * (a + b) / a, before -= b * b / a;
+      m.row(row) = 6 * ((points_[k + 1] - points_[k]) / b - (points_[k] - points_[k - 1]) / a).transpose();
+      m.row(row) -= before * m.row(row - 1);
+      diagonal -= before * above[k - 1];
+      above[k] = after / diagonal;
+      m.row(row) /= diagonal;
     }
-    for (const Eigen::Index end : {Eigen::Index{0}, n - 1}) {
-      const Eigen::Index in = end == 0 ? 1 : -1;
-      const double a = step(end == 0 ? 0 : points_.size() - 2);
-      const double b = n == 3 ? 0 : step(end == 0 ? 1 : points_.size() - 3);
-      matrix.insert(end, end) = n == 3 ? 1 : b;
-      matrix.insert(end, end + in) = n == 3 ? -1 : -(a + b);
-      if (n > 3) matrix.insert(end, end + 2 * in) = a;
-    }
-    matrix.makeCompressed();
-    const Eigen::SparseLU<Eigen::SparseMatrix<double>> lu(matrix);
-    return lu.solve(right);
+    for (auto row = static_cast<Eigen::Index>(n) - 2; row > 0; --row)
+      m.row(row) -= above[static_cast<std::size_t>(row)] * m.row(row + 1);
+    if (n < 3) return m;
+    const auto last = static_cast<Eigen::Index>(n) - 1;
+    m.row(0) = m.row(1);
+    m.row(last) = m.row(last - 1);
+    if (n == 3) return m;
+    m.row(0) += step(0) / step(1) * (m.row(1) - m.row(2));
+    m.row(last) += step(n - 2) / step(n - 3) * (m.row(last - 1) - m.row(last - 2));
+    return m;
   }
 
   [[nodiscard]] Vec3 at(double t, int derivative) const {

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <utility>
@@ -10,6 +9,7 @@
 #include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "base/stopwatch.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/dae/vectors.hpp"
 
 namespace espalier::dynamics {
@@ -170,12 +170,8 @@ std::optional<BodyTurn> FlexibleBody::turn(ConstSpan from, ConstSpan to) const {
   });
   // Gradients have no unit: they count as points at a tenth of the size of the body.
   const double square = positions.cwiseAbs().maxCoeff() / nodes();
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(positions + 0.01 * square * gradients,
-                                              Eigen::ComputeFullU | Eigen::ComputeFullV);
-  if (!(svd.singularValues()[1] > kLine * svd.singularValues()[0])) return {};
-  Eigen::Vector3d sign = Eigen::Vector3d::Ones();
-  sign[2] = (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1;
-  const Eigen::Matrix3d r = svd.matrixU() * sign.asDiagonal() * svd.matrixV().transpose();
+  const auto [r, singular] = dense::nearest_rotation(positions + 0.01 * square * gradients);
+  if (!(singular[1] > kLine * singular[0])) return {};
   if (!r.allFinite()) return {};
   BodyTurn turn{placement().v, vertices(), {}};
   for (Index i = 0; i < 9; ++i) turn.rotation[at(i)] = r(i / 3, i % 3);

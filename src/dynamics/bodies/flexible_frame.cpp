@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <map>
 #include <stdexcept>
 
+#include "dense/dense.hpp"
 #include "dynamics/elements/shape_functions.hpp"
 
 namespace espalier::dynamics {
@@ -68,7 +68,7 @@ FlexibleFrame::FlexibleFrame(const FlexibleBody& body, std::vector<FrameVertex> 
   }
   has_rotation_ = arms > 0;
   if (!has_rotation_) return;
-  const Vec3 s = Eigen::JacobiSVD<Mat3>(a).singularValues();
+  const Vec3 s = dense::nearest_rotation(a).values;
   if (!(s[1] > 1e-9 * s[0]))  // far above round-off, far below any face that could carry a moment
     throw std::invalid_argument(
         fmt::format("frame on '{}': its nodes lie on a line, so they have no rotation about it", body.name()));
@@ -88,10 +88,8 @@ Vec3 FlexibleFrame::at(ConstSpan values, Index first, Index vertex) const {
 FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
   Mat3 a = Mat3::Zero();
   for (const FrameVertex& vertex : vertices_) a += at(q, body_.placement().q, vertex.vertex) * vertex.arm.transpose();
-  const Eigen::JacobiSVD<Mat3> svd(a, Eigen::ComputeFullU | Eigen::ComputeFullV);
   Fit result;
-  Vec3 signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  result.rotation = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  result.rotation = dense::nearest_rotation(a).rotation;
   result.stretch = result.rotation.transpose() * a;
   result.inverse_g = g_of(result.stretch).inverse();
   return result;

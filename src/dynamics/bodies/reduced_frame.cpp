@@ -1,7 +1,6 @@
 #include "dynamics/bodies/reduced_frame.hpp"
 
-#include <Eigen/Dense>
-
+#include "dense/dense.hpp"
 #include "dynamics/bodies/axial.hpp"
 
 namespace espalier::dynamics {
@@ -37,9 +36,7 @@ ReducedFrame::Fit ReducedFrame::fit(ConstSpan q) const {
   if (!has_rotation_) return result;
   const Eigen::Matrix<double, 9, 1> by_shapes = fit_by_ * eta;
   const Mat3 a = fit_ + Eigen::Map<const Mat3>(by_shapes.data());
-  const Eigen::JacobiSVD<Mat3> svd(a, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Vec3 signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  result.turn = svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose();
+  result.turn = dense::nearest_rotation(a).rotation;
   result.stretch = result.turn.transpose() * a;
   result.inverse_g = spread_of(result.stretch).inverse();
   return result;

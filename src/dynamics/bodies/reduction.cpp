@@ -2,13 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
-#include <Eigen/SparseCore>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/bodies/rotation.hpp"
 #include "espalier/modes.hpp"
 
@@ -42,7 +41,7 @@ class Rigid {
     Eigen::Map<const Eigen::Matrix3Xd> x(body.reference().data(), 3, n / 3);
     for (Index v = 0; v < n / 3; v += body.vertices_per_node()) shift.middleRows(3 * v, 3).setIdentity();
     const MatrixXd weighted = product(mass, shift);
-    const Mat3 total = shift.transpose() * weighted;
+    const Mat3 total = dense::transposed_times(shift, weighted);
     const Eigen::Map<const VectorXd> all(body.reference().data(), n);
     centre = (weighted.transpose() * all) / total(0, 0);
     motions = MatrixXd(n, 6);
@@ -51,19 +50,19 @@ class Rigid {
       const bool place = v % body.vertices_per_node() == 0;
       motions.block(3 * v, 3, 3, 3) = -skew(place ? Vec3(x.col(v) - centre) : Vec3(x.col(v)));
     }
-    const Eigen::Matrix<double, 6, 6> gram = motions.transpose() * product(mass, motions);
-    const Eigen::SelfAdjointEigenSolver<Mat3> inertia(gram.bottomRightCorner<3, 3>());
-    if (!(inertia.eigenvalues()[0] > 1e-10 * inertia.eigenvalues()[2]))
+    const Eigen::Matrix<double, 6, 6> gram = dense::transposed_times(motions, product(mass, motions));
+    const Vec3 inertia = dense::principal_values(gram.bottomRightCorner<3, 3>());
+    if (!(inertia[0] > 1e-10 * inertia[2]))
       throw Error(StatusCode::invalid_input,
                   fmt::format("'{}' has no inertia about an axis (a straight cable?), so it cannot be reduced; leave "
                               "'reduce' out",
                               name));
-    const Eigen::LLT<Eigen::Matrix<double, 6, 6>> factor(gram);
-    factor.matrixU().solveInPlace<Eigen::OnTheRight>(motions);
+    dense::divide_by_upper_cholesky(gram, motions);
   }
   /// Twice, against rounding.
   void remove_from(MatrixXd& x) const {
-    for (int pass = 0; pass < 2; ++pass) x -= motions * (motions.transpose() * product(mass_, x));
+    for (int pass = 0; pass < 2; ++pass)
+      x -= dense::times(motions, dense::transposed_times(motions, product(mass_, x)));
   }
 
   Vec3 centre;
@@ -91,11 +90,9 @@ MatrixXd interface_rows(const FlexibleBody& body, std::span<const FlexibleFrame*
   MatrixXd transposed(n, static_cast<Eigen::Index>(rows.size()));
   for (std::size_t i = 0; i < rows.size(); ++i)
     transposed.col(static_cast<Eigen::Index>(i)) = rows[i].transpose().normalized();
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(transposed);
-  qr.setThreshold(kDependent);
-  MatrixXd result(qr.rank(), n);
-  for (Eigen::Index i = 0; i < qr.rank(); ++i)
-    result.row(i) = transposed.col(qr.colsPermutation().indices()[i]).transpose();
+  const dense::PivotedColumns columns = dense::pivoted_columns(transposed, kDependent);
+  MatrixXd result(columns.rank, n);
+  for (Eigen::Index i = 0; i < columns.rank; ++i) result.row(i) = transposed.col(columns.order[i]).transpose();
   return result;
 }
 
@@ -105,15 +102,14 @@ MatrixXd supports(const MatrixXd& rows, const MatrixXd& rigid) {
   for (int k = 0; k < 6; ++k) scaled.col(k) /= rigid.col(k).cwiseAbs().maxCoeff();
   MatrixXd left = MatrixXd::Identity(6, 6);  // rigid motions that the interfaces leave free
   if (rows.rows() > 0) {
-    const Eigen::JacobiSVD<MatrixXd> svd(rows * scaled, Eigen::ComputeFullV);
-    const auto& s = svd.singularValues();
+    const auto [s, u, v] = dense::singular_values(dense::times(rows, scaled));
     const auto rank = (s.array() > kDependent * s[0]).count();
-    left = svd.matrixV().rightCols(6 - rank);
+    left = v.rightCols(6 - rank);
   }
   MatrixXd result = MatrixXd::Zero(left.cols(), rigid.rows());
   if (left.cols() == 0) return result;
-  const Eigen::ColPivHouseholderQR<MatrixXd> qr(MatrixXd((scaled * left).transpose()));
-  for (Eigen::Index i = 0; i < left.cols(); ++i) result(i, qr.colsPermutation().indices()[i]) = 1;
+  const Eigen::VectorXi order = dense::pivoted_columns(dense::times(scaled, left).transpose(), kDependent).order;
+  for (Eigen::Index i = 0; i < left.cols(); ++i) result(i, order[i]) = 1;
   return result;
 }
 
@@ -176,8 +172,7 @@ MatrixXd all_motions(const SparseMatrix& mass, const SparseMatrix& stiffness, co
         StatusCode::invalid_input,
         fmt::format("all modes of '{}' with its {} unknowns are too many; give 'modes' or 'frequency'", name, n));
   const MatrixXd unit = MatrixXd::Identity(n, n);
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(product(stiffness, unit), product(mass, unit));
-  return eigen.eigenvectors();
+  return dense::symmetric_eigen(product(stiffness, unit), product(mass, unit)).vectors;
 }
 
 MatrixXd normal_modes(const SparseMatrix& mass, const SparseMatrix& stiffness, const MatrixXd& rows, Index free,
@@ -200,10 +195,9 @@ MatrixXd orthonormal(const SparseMatrix& mass, const Rigid& rigid, MatrixXd x) {
   for (Eigen::Index k = 0; k < x.cols(); ++k) x.col(k) /= std::sqrt(x.col(k).dot(product(mass, x.col(k)).col(0)));
   rigid.remove_from(x);
   for (int pass = 0; pass < 2; ++pass) {
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> gram(x.transpose() * product(mass, x));
-    const auto& size = gram.eigenvalues();
+    const auto [size, vectors] = dense::symmetric_eigen(dense::transposed_times(x, product(mass, x)));
     const Eigen::Index kept = (size.array() > kSpanned).count();
-    x = x * (gram.eigenvectors().rightCols(kept) * size.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal());
+    x = dense::times(x, vectors.rightCols(kept) * size.tail(kept).cwiseSqrt().cwiseInverse().asDiagonal());
     rigid.remove_from(x);
   }
   return x;
@@ -222,12 +216,11 @@ void make_unique_basis(const VectorXd& squares, MatrixXd& shapes) {
     for (Eigen::Index i = 0; i < weights.rows(); ++i)
       for (Eigen::Index c = 0; c < count; ++c)
         weights(i, c) = std::cos(static_cast<double>(i) * (1 + 0.37 * static_cast<double>(c)));
-    const MatrixXd shares = shapes.middleCols(first, count).transpose() * weights;
-    const Eigen::HouseholderQR<MatrixXd> qr(shares);
-    MatrixXd turn = qr.householderQ();
+    const MatrixXd shares = dense::transposed_times(shapes.middleCols(first, count), weights);
+    auto [turn, r] = dense::qr_factors(shares);
     for (Eigen::Index i = 0; i < count; ++i)
-      if (qr.matrixQR()(i, i) < 0) turn.col(i) *= -1;
-    shapes.middleCols(first, count) = (shapes.middleCols(first, count) * turn).eval();
+      if (r(i, i) < 0) turn.col(i) *= -1;
+    shapes.middleCols(first, count) = dense::times(shapes.middleCols(first, count), turn);
   }
 }
 
@@ -238,15 +231,14 @@ ReducedShapes scaled_shapes(const FlexibleBody& body, const SparseMatrix& stiffn
   out.stiffness.resize(x.cols());
   out.shapes.resize(x.rows(), x.cols());
   if (x.cols() == 0) return out;
-  const MatrixXd k = x.transpose() * product(stiffness, x);
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(0.5 * (k + k.transpose()));
-  const auto& squares = eigen.eigenvalues();
+  const MatrixXd k = dense::transposed_times(x, product(stiffness, x));
+  const auto [squares, vectors] = dense::symmetric_eigen(0.5 * (k + k.transpose()));
   if (!(squares[0] > kLoose * squares[squares.size() - 1]))
     throw Error(StatusCode::invalid_input,
                 fmt::format("'{}' has shapes without stiffness (pieces that share no node, elements that hold together "
                             "at an edge, cables without bending), so it cannot be reduced; make each piece a body",
                             body.name()));
-  out.shapes = x * eigen.eigenvectors();
+  out.shapes = dense::times(x, vectors);
   make_unique_basis(squares, out.shapes);
   for (Eigen::Index k2 = 0; k2 < x.cols(); ++k2) {
     auto shape = out.shapes.col(k2);
@@ -297,7 +289,7 @@ ReducedShapes reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> int
     const MatrixXd held = supports(rows, rigid.motions);
     MatrixXd balanced = loads;  // what no interface takes goes into the inertia of the body
     if (held.rows() > 0 && loads.cols() > 0)
-      balanced -= product(mass, rigid.motions * (rigid.motions.transpose() * loads));
+      balanced -= product(mass, dense::times(rigid.motions, dense::transposed_times(rigid.motions, loads)));
     fixed = static_shapes(stiffness, rows, held, balanced, solver);
     modes = normal_modes(mass, stiffness, rows, static_cast<Index>(held.rows()), options, solver);
   }

@@ -1,8 +1,9 @@
 #include "dynamics/bodies/rigid_body.hpp"
 
-#include <Eigen/Eigenvalues>
 #include <cmath>
 #include <stdexcept>
+
+#include "dense/dense.hpp"
 
 namespace espalier::dynamics {
 
@@ -32,9 +33,9 @@ RigidBody::RigidBody(std::string name, const RigidBodyData& data) : Component(st
       !data.velocity.allFinite() || !data.angular_velocity.allFinite() || !data.gravity.allFinite()) {
     throw std::invalid_argument(who + "a number is not finite");
   }
-  const Eigen::SelfAdjointEigenSolver<Mat3> principal(data.inertia, Eigen::EigenvaluesOnly);
-  if (!(principal.eigenvalues()[0] > 0)) throw std::invalid_argument(who + "the inertia must be positive definite");
-  if (!(data.inertia - data.inertia.transpose()).isZero(1e-12 * principal.eigenvalues()[2])) {
+  const Vec3 principal = dense::principal_values(data.inertia);
+  if (!(principal[0] > 0)) throw std::invalid_argument(who + "the inertia must be positive definite");
+  if (!(data.inertia - data.inertia.transpose()).isZero(1e-12 * principal[2])) {
     throw std::invalid_argument(who + "the inertia must be symmetric");
   }
   if (!(data.rotation.norm() > 0)) throw std::invalid_argument(who + "the rotation quaternion is zero");

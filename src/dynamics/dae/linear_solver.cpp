@@ -1,8 +1,9 @@
 #include "dynamics/dae/linear_solver.hpp"
 
-#include <Eigen/LU>
 #include <cmath>
 #include <vector>
+
+#include "dense/dense.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -29,15 +30,16 @@ class DenseSolver final : public LinearSolver {
       if (!dense_.col(j).allFinite())
         return {StatusCode::singular, "an entry of column " + std::to_string(j) + " is not a finite number", j};
     lu_.compute(dense_);
+    const Eigen::VectorXd pivots = lu_.pivots();
     for (Index i = 0; i < n_; ++i) {
-      const double pivot = lu_.matrixLU()(i, i);
+      const double pivot = pivots[i];
       if (pivot == 0 || !std::isfinite(pivot)) {
         return {StatusCode::singular, "dense LU: no pivot in column " + std::to_string(i), i};
       }
     }
-    sign_ = lu_.permutationP().determinant() < 0 ? -1 : 1;
+    sign_ = lu_.permutation_sign();
     for (Index i = 0; i < n_; ++i)
-      if (lu_.matrixLU()(i, i) < 0) sign_ = -sign_;
+      if (pivots[i] < 0) sign_ = -sign_;
     return {};
   }
   [[nodiscard]] int determinant_sign() const override { return sign_; }
@@ -47,9 +49,7 @@ class DenseSolver final : public LinearSolver {
       const auto at = static_cast<std::size_t>(c) * static_cast<std::size_t>(n_);
       Eigen::Map<Eigen::VectorXd> out(x.data() + at, n_);
       work_ = Eigen::Map<const Eigen::VectorXd>(b.data() + at, n_);
-      out.noalias() = lu_.permutationP() * work_;
-      lu_.matrixLU().triangularView<Eigen::UnitLower>().solveInPlace(out);
-      lu_.matrixLU().triangularView<Eigen::Upper>().solveInPlace(out);
+      lu_.solve(work_, out);
     }
     return {};
   }
@@ -61,7 +61,7 @@ class DenseSolver final : public LinearSolver {
   std::vector<Index> row_ind_;
   Eigen::MatrixXd dense_;
   Eigen::VectorXd work_;
-  Eigen::PartialPivLU<Eigen::MatrixXd> lu_;
+  dense::Lu lu_;
 };
 
 }  // namespace

@@ -115,12 +115,13 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
   const std::size_t k = 2 * kept_.size();
   for (std::size_t c = 0; c < at(columns); ++c) rotate(b.subspan(c * size, size), true, pool);
   solve(b, columns);
-  Eigen::VectorXd w(static_cast<Eigen::Index>(k));
+  Eigen::VectorXd w(static_cast<Eigen::Index>(k)), z(static_cast<Eigen::Index>(k));
   for (std::size_t c = 0; c < at(columns); ++c) {
     const Span x = b.subspan(c * size, size);
     if (k > 0) {
       apply_v(x, w.data());
-      w = -core_.solve(w).eval();
+      core_.solve(w, z);
+      w = -z;
       add_columns(g_.data(), {w.data(), k}, x, pool);
     }
     rotate(x, false, pool);

@@ -11,12 +11,12 @@
 /// what joints' reactions add to W.
 #pragma once
 
-#include <Eigen/LU>
 #include <functional>
 #include <vector>
 
 #include "base/thread_pool.hpp"
 #include "base/untouched_vector.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/dae/system.hpp"
 
 namespace espalier::dynamics {
@@ -57,7 +57,7 @@ class TurnedFactor {
   std::vector<double> change_values_;
   base::UntouchedVector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
   Eigen::MatrixXd g_;                  // n + m rows, first the columns of E, then y_0
-  Eigen::PartialPivLU<Eigen::MatrixXd> core_;
+  dense::Lu core_;
   Eigen::MatrixXd core_matrix_;  // V^T G
   bool active_ = false;
 };

@@ -1,10 +1,9 @@
 // The reference iteration: Newton on the square system H = 0 of 3n + m unknowns with an explicit U. The Jacobian of H
 // is made by differences of H itself, so it shares no derivative with the reduced iteration. Dense; for tests and for
 // small systems.
-#include <Eigen/LU>
-#include <Eigen/QR>
 #include <cmath>
 
+#include "dense/dense.hpp"
 #include "dynamics/integrators/bdf.hpp"
 
 namespace espalier::dynamics {
@@ -38,15 +37,13 @@ void add_f_lambda(const SparsePattern& p, ConstSpan values, const std::vector<ch
 }
 
 Eigen::MatrixXd tangent_basis(const Eigen::MatrixXd& g) {
-  const Eigen::HouseholderQR<Eigen::MatrixXd> qr(g.transpose());
-  return (qr.householderQ() * Eigen::MatrixXd::Identity(g.cols(), g.cols())).rightCols(g.cols() - g.rows());
+  return dense::qr_factors(g.transpose()).q.rightCols(g.cols() - g.rows());
 }
 
 Eigen::MatrixXd boolean_basis(const Eigen::MatrixXd& g) {
-  const Eigen::FullPivLU<Eigen::MatrixXd> lu(g);
   const Eigen::Index n = g.cols(), m = g.rows();
   Eigen::MatrixXd u = Eigen::MatrixXd::Zero(n, n - m);
-  const auto& columns = lu.permutationQ().indices();  // column j of the factor is column columns[j] of g
+  const Eigen::VectorXi columns = dense::completely_pivoted_columns(g);
   for (Eigen::Index j = m; j < n; ++j) u(columns[j], j - m) = 1;
   return u;
 }
@@ -155,7 +152,8 @@ BdfIntegrator::Outcome BdfIntegrator::solve_full(StepReport& report) {
         jacobian(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(j)) = (h1[i] - h0[i]) / delta;
       }
     }
-    const Eigen::VectorXd step = jacobian.fullPivLu().solve(-Eigen::Map<Eigen::VectorXd>(h0.data(), jacobian.rows()));
+    const Eigen::VectorXd step =
+        dense::solve_by_complete_pivoting(jacobian, -Eigen::Map<Eigen::VectorXd>(h0.data(), jacobian.rows()));
     move(now, {step.data(), size}, moved);
     std::swap(now, moved);
     const double change = std::max(norm({step.data() + 2 * n, n}, weight_q_), norm({step.data() + n, n}, weight_v_));

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "dense/dense.hpp"
 #include "dynamics/integrators/linearised.hpp"
 #include "modes/dense_quadratic.hpp"
 #include "modes/dense_symmetric.hpp"
@@ -335,10 +336,10 @@ FrequencySlopes frequency_slopes(Equations& equations, const State& state, Index
       const Eigen::MatrixXd group =
           x.middleCols(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(end - first));
       const Eigen::MatrixXd slope = lower_projected(dk, group) - l[first] * lower_projected(dm, group);
-      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(slope, Eigen::EigenvaluesOnly);
+      const Eigen::VectorXd slopes = dense::symmetric_eigenvalues(slope);
       for (std::size_t i = first; i < end; ++i)
         out.derivatives[i * parameters.size() + p] =
-            eigen.eigenvalues()[static_cast<Eigen::Index>(i - first)] / (2 * std::sqrt(l[i]) * 2 * std::numbers::pi);
+            slopes[static_cast<Eigen::Index>(i - first)] / (2 * std::sqrt(l[i]) * 2 * std::numbers::pi);
     }
   }
   return out;

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <Eigen/QR>
 #include <algorithm>
 #include <limits>
 #include <map>
@@ -9,6 +8,7 @@
 #include <set>
 
 #include "dynamics/bodies/carried_frame.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/model/builders.hpp"
 
@@ -88,9 +88,7 @@ std::vector<FrameVertex> centred_vertices(const FlexibleBody& body, const Mesh& 
   Eigen::Matrix4d gram = Eigen::Matrix4d::Zero();
   for (const auto& [node, w] : weights) gram += w * basis(node) * basis(node).transpose();
   // A flat set has no extension along its normal: least norm there.
-  Eigen::CompleteOrthogonalDecomposition<Eigen::Matrix4d> solver;
-  solver.setThreshold(1e-10);
-  const Eigen::Vector4d factor = solver.compute(gram).solve(Eigen::Vector4d::UnitX());
+  const Eigen::Vector4d factor = dense::least_squares(gram, Eigen::Vector4d::UnitX(), 1e-10);
   if ((gram * factor - Eigen::Vector4d::UnitX()).norm() > 1e-6)
     throw std::invalid_argument("'point' lies outside of the plane of the face set; leave it out or correct it");
   std::vector<FrameVertex> vertices;

@@ -2,12 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <map>
 #include <optional>
 
 #include "base/untouched_vector.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/dae/row_ranges.hpp"
 
 namespace espalier::dynamics::model {
@@ -72,10 +72,10 @@ class WholeBody {
   void find_basis() {
     Eigen::Matrix<double, 6, 6> gram = Eigen::Matrix<double, 6, 6>::Zero();
     for (const auto& v : velocities_) gram += v.transpose() * v;
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(gram);
+    const dense::Spectrum eigen = dense::symmetric_eigen(gram);
     Eigen::Index first = 0;  // eigenvalues grow
-    while (eigen.eigenvalues()[first] < 1e-12 * eigen.eigenvalues()[5]) ++first;
-    basis_ = eigen.eigenvectors().rightCols(6 - first);
+    while (eigen.values[first] < 1e-12 * eigen.values[5]) ++first;
+    basis_ = eigen.vectors.rightCols(6 - first);
   }
 
   const BuiltBody& body_;
@@ -154,14 +154,7 @@ class HeldRows {
   std::vector<Row> rows_;
 };
 
-Eigen::MatrixXd null_space(const Eigen::MatrixXd& rows, Eigen::Index columns) {
-  constexpr double kDependent = 1e-9;
-  if (rows.rows() == 0) return Eigen::MatrixXd::Identity(columns, columns);
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(rows.transpose());
-  qr.setThreshold(kDependent);
-  const Eigen::MatrixXd q = qr.householderQ() * Eigen::MatrixXd::Identity(columns, columns);
-  return q.rightCols(columns - qr.rank());
-}
+constexpr double kDependent = 1e-9;
 
 /// Rows of demands, not many more than columns: as soon as there are, as many as columns that demand the same.
 class Condensed {
@@ -169,10 +162,8 @@ class Condensed {
   explicit Condensed(Eigen::Index columns) : rows_(2 * columns + 6, columns) {}
   void add(const Eigen::RowVectorXd& line) {
     if (count_ == rows_.rows()) {
-      const Eigen::HouseholderQR<Eigen::MatrixXd> qr(rows_);
-      const Eigen::MatrixXd r = qr.matrixQR().topRows(rows_.cols()).triangularView<Eigen::Upper>();
       count_ = rows_.cols();
-      rows_.topRows(count_) = r;
+      rows_.topRows(count_) = dense::qr_triangle(rows_);
     }
     rows_.row(count_++) = line;
   }
@@ -206,7 +197,7 @@ class Group {
     Condensed held(columns_);
     for (const Condensed& part : parts)
       for (Eigen::Index i = 0; i < part.rows().rows(); ++i) held.add(part.rows().row(i));
-    free_ = null_space(held.rows(), columns_);
+    free_ = dense::null_space(held.rows(), kDependent);
   }
 
   [[nodiscard]] bool held() const { return free_.cols() == 0; }
@@ -251,24 +242,24 @@ std::string directions(const char* noun, const Eigen::Matrix<double, 3, Eigen::D
 /// What of the free twists: "move along z and turn about y through (0, 0, 1)".
 std::string words(const Eigen::MatrixXd& twists, const Vec3& centre, double length) {
   constexpr double kSmall = 1e-6;
-  const Eigen::JacobiSVD<Eigen::MatrixXd> span(twists, Eigen::ComputeThinU);
+  const dense::SingularValues span = dense::singular_values(twists);
   Eigen::Index rank = 0;
-  while (rank < span.singularValues().size() && span.singularValues()[rank] > kSmall) ++rank;
+  while (rank < span.values.size() && span.values[rank] > kSmall) ++rank;
   if (rank == 0) return "";
-  const Eigen::MatrixXd basis = span.matrixU().leftCols(rank);
-  const Eigen::JacobiSVD<Eigen::MatrixXd> turns(basis.bottomRows(3), Eigen::ComputeFullV | Eigen::ComputeThinU);
+  const Eigen::MatrixXd basis = span.u.leftCols(rank);
+  const dense::SingularValues turns = dense::singular_values(basis.bottomRows(3));
   Eigen::Index turning = 0;
-  while (turning < turns.singularValues().size() && turns.singularValues()[turning] > kSmall) ++turning;
-  const Eigen::MatrixXd sliding = basis.topRows(3) * turns.matrixV().rightCols(rank - turning);
+  while (turning < turns.values.size() && turns.values[turning] > kSmall) ++turning;
+  const Eigen::MatrixXd sliding = basis.topRows(3) * turns.v.rightCols(rank - turning);
   std::string text;
   if (sliding.cols() > 0) text = "move along " + directions("direction", sliding);
   if (turning == 0) return text;
   text += text.empty() ? "turn about " : " and turn about ";
-  text += directions("axis", turns.matrixU().leftCols(turning));
+  text += directions("axis", turns.u.leftCols(turning));
   if (turning > 1 || sliding.cols() > 1) return text;
-  Vec3 velocity = basis.topRows(3) * turns.matrixV().col(0);
+  Vec3 velocity = basis.topRows(3) * turns.v.col(0);
   velocity -= sliding * (sliding.transpose() * velocity);
-  const Vec3 omega = turns.singularValues()[0] / length * turns.matrixU().col(0);
+  const Vec3 omega = turns.values[0] / length * turns.u.col(0);
   return text + " through " + numbers(centre + omega.cross(velocity) / omega.squaredNorm());
 }
 

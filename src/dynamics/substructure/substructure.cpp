@@ -2,10 +2,10 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <numbers>
 
+#include "dense/dense.hpp"
 #include "dynamics/bodies/rotation.hpp"
 
 namespace espalier::dynamics {
@@ -98,10 +98,10 @@ class Reducer {
     MatrixXd t(size_, 6);
     t.topRows(nodal_) = nodal_motions(Vec3::Zero());
     if (scalars > 0) {
-      const Eigen::LDLT<MatrixXd> own(stiffness_.bottomRightCorner(scalars, scalars));
-      if (own.info() != Eigen::Success || !own.isPositive() || !(own.vectorD().minCoeff() > 0))
+      MatrixXd by_scalars = dense::times(stiffness_.bottomLeftCorner(scalars, nodal_), t.topRows(nodal_));
+      if (!dense::solve_definite(stiffness_.bottomRightCorner(scalars, scalars), by_scalars))
         fail("the stiffness of its scalars (unknowns of no listed node) is not positive definite");
-      t.bottomRows(scalars) = -own.solve(stiffness_.bottomLeftCorner(scalars, nodal_) * t.topRows(nodal_));
+      t.bottomRows(scalars) = -by_scalars;
     }
     // Each motion alone; a rotation is measured about a point of the body.
     const Vec3 middle = s_.nodes.front().position;
@@ -121,7 +121,7 @@ class Reducer {
   }
 
   void find_mass() {
-    const Eigen::Matrix<double, 6, 6> gram = motions_.transpose() * mass_ * motions_;
+    const Eigen::Matrix<double, 6, 6> gram = dense::times(dense::transposed_times(motions_, mass_), motions_);
     const Mat3 total = gram.topLeftCorner<3, 3>();
     body_mass_ = total.trace() / 3;
     if (!(body_mass_ > 0) || (total - body_mass_ * Mat3::Identity()).cwiseAbs().maxCoeff() > kIsotropic * body_mass_)
@@ -131,29 +131,27 @@ class Reducer {
     centre_ = 0.5 * Vec3(moment(1, 2) - moment(2, 1), moment(2, 0) - moment(0, 2), moment(0, 1) - moment(1, 0));
     // Rotations about the centre of mass: those about the origin, moved back.
     motions_.rightCols<3>() -= motions_.leftCols<3>() * (-skew(centre_));
-    inertia_ = motions_.rightCols<3>().transpose() * mass_ * motions_.rightCols<3>();
+    const MatrixXd turns = motions_.rightCols<3>();
+    inertia_ = dense::times(dense::transposed_times(turns, mass_), turns);
     inertia_ = 0.5 * (inertia_ + inertia_.transpose().eval());
-    const Eigen::SelfAdjointEigenSolver<Mat3> eigen(inertia_);
-    if (!(eigen.eigenvalues()[0] > 1e-10 * eigen.eigenvalues()[2])) fail("it has no inertia about an axis");
+    const Vec3 principal = dense::principal_values(inertia_);
+    if (!(principal[0] > 1e-10 * principal[2])) fail("it has no inertia about an axis");
   }
 
   void find_shapes(const ReductionOptions& options) {
     const VectorXd scale = mass_.diagonal().cwiseSqrt().cwiseInverse();  // unknowns of equal inertia
-    const MatrixXd rows = scale.asDiagonal() * mass_ * motions_;
-    const Eigen::HouseholderQR<MatrixXd> qr(rows);
-    MatrixXd basis = MatrixXd::Identity(size_, size_);
-    basis.applyOnTheLeft(qr.householderQ());
+    const MatrixXd rows = dense::times(scale.asDiagonal() * mass_, motions_);
+    const MatrixXd basis = dense::qr_factors(rows).q;
     const MatrixXd beside = scale.asDiagonal() * basis.rightCols(size_ - 6);  // no share in rigid motion
-    const MatrixXd m = beside.transpose() * mass_ * beside, k = beside.transpose() * stiffness_ * beside;
+    const MatrixXd m = dense::times(dense::transposed_times(beside, mass_), beside),
+                   k = dense::times(dense::transposed_times(beside, stiffness_), beside);
     if (m.rows() == 0) return x_.resize(size_, 0), squares_.resize(0), void();
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> masses(0.5 * (m + m.transpose()), Eigen::EigenvaluesOnly);
-    if (!(masses.eigenvalues()[0] > kMassless * masses.eigenvalues()[m.rows() - 1]))
+    const VectorXd masses = dense::symmetric_eigenvalues(0.5 * (m + m.transpose()));
+    if (!(masses[0] > kMassless * masses[m.rows() - 1]))
       fail(fmt::format("its mass matrix gives {} motions no inertia or a negative one (least {:g} of the largest)",
-                       (masses.eigenvalues().array() <= kMassless * masses.eigenvalues()[m.rows() - 1]).count(),
-                       masses.eigenvalues()[0] / masses.eigenvalues()[m.rows() - 1]));
-    const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(0.5 * (k + k.transpose()),
-                                                                   0.5 * (m + m.transpose()));
-    const VectorXd& squares = eigen.eigenvalues();
+                       (masses.array() <= kMassless * masses[m.rows() - 1]).count(), masses[0] / masses[m.rows() - 1]));
+    const dense::Spectrum eigen = dense::symmetric_eigen(0.5 * (k + k.transpose()), 0.5 * (m + m.transpose()));
+    const VectorXd& squares = eigen.values;
     if (!(squares[0] > kLoose * squares[squares.size() - 1]))
       fail(
           fmt::format("it has motions without stiffness beside the six rigid ones (square of a frequency {:g}, largest "
@@ -164,7 +162,7 @@ class Reducer {
     const double bound = std::pow(2 * std::numbers::pi * options.frequency, 2);
     while (kept > 0 && squares[kept - 1] > bound) --kept;
     squares_ = squares.head(kept);
-    x_ = std::sqrt(body_mass_) * (beside * eigen.eigenvectors().leftCols(kept));
+    x_ = std::sqrt(body_mass_) * dense::times(beside, eigen.vectors.leftCols(kept));
     for (Eigen::Index c = 0; c < kept; ++c) {  // the sign: the largest part, counted in energy, is positive
       Eigen::Index largest = 0;
       x_.col(c).cwiseQuotient(scale).cwiseAbs().maxCoeff(&largest);
@@ -209,18 +207,20 @@ class Reducer {
     std::array<std::array<MatrixXd, 3>, 3> with_each;
     for (int i = 0; i < 3; ++i) {
       b.at(i) = turned(i, x_);
-      mb.at(i) = mass_ * b.at(i);
-      with_shapes.at(i) = mb.at(i).transpose() * x_;                   // C_i(k, l)
-      at_rest.at(i) = mb.at(i).transpose() * motions_.rightCols<3>();  // W(i, j) of shape k and rest in (k, j)
+      mb.at(i) = dense::times(mass_, b.at(i));
+      with_shapes.at(i) = dense::transposed_times(mb.at(i), x_);  // C_i(k, l)
+      at_rest.at(i) =
+          dense::transposed_times(mb.at(i), motions_.rightCols<3>());  // W(i, j) of shape k and rest in (k, j)
     }
     // The share of e_i x phi_k in the shapes is made antisymmetric, in W as in C: kinetic energy stays positive.
     std::array<MatrixXd, 3> turning;
     for (int i = 0; i < 3; ++i) turning.at(i) = 0.5 * (with_shapes.at(i) - with_shapes.at(i).transpose());
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
-        with_each.at(i).at(j) = b.at(i).transpose() * mb.at(j) + (turning.at(i) * turning.at(j).transpose() -
-                                                                  with_shapes.at(i) * with_shapes.at(j).transpose()) /
-                                                                     body_mass_;
+        with_each.at(i).at(j) = dense::transposed_times(b.at(i), mb.at(j)) +
+                                (dense::times(turning.at(i), turning.at(j).transpose()) -
+                                 dense::times(with_shapes.at(i), with_shapes.at(j).transpose())) /
+                                    body_mass_;
     for (Eigen::Index k = 0; k < n; ++k) {
       Mat3 w;
       for (int i = 0; i < 3; ++i) w.row(i) = at_rest.at(i).row(k);

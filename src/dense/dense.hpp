@@ -1,0 +1,120 @@
+/// \file
+/// Products and decompositions of small dense matrices: Eigen's, compiled once. A source that calls these functions
+/// reads Eigen's matrices alone; products and decompositions take a compiler a second each and more, in every source
+/// anew. Indices are based on 0. Nothing is kept of the arguments. Sizes must fit; where they do not, Eigen's
+/// assertions say so in a debug build.
+#pragma once
+
+#include <Eigen/Core>
+#include <memory>
+
+namespace espalier::dense {
+
+using Eigen::MatrixXcd;
+using Eigen::MatrixXd;
+using Eigen::VectorXcd;
+using Eigen::VectorXd;
+
+/// A B (m x k, k x n), A^T B (k x m, k x n).
+[[nodiscard]] MatrixXd times(const MatrixXd& a, const MatrixXd& b);
+[[nodiscard]] MatrixXd transposed_times(const MatrixXd& a, const MatrixXd& b);
+
+/// Eigenvalues, ascending, and eigenvectors as columns.
+struct Spectrum {
+  VectorXd values;
+  MatrixXd vectors;
+};
+
+/// A x = l x for a symmetric A (n x n, the lower triangle is read); vectors are orthonormal.
+[[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a);
+[[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXd& a);
+[[nodiscard]] Eigen::Vector3d principal_values(const Eigen::Matrix3d& a);
+/// A x = l B x for symmetric A and B, B positive definite; x^T B x = 1.
+[[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a, const MatrixXd& b);
+
+/// Eigenvalues in no order, complex pairs side by side, and eigenvectors of length 1 as columns.
+struct ComplexSpectrum {
+  VectorXcd values;
+  MatrixXcd vectors;
+};
+
+/// A x = l x for any square A.
+[[nodiscard]] ComplexSpectrum general_eigen(const MatrixXd& a);
+
+/// A = U diag(values) V^T, values descending.
+struct SingularValues {
+  VectorXd values;  ///< min(m, n)
+  MatrixXd u;       ///< m x min(m, n)
+  MatrixXd v;       ///< n x n, whole
+};
+
+/// @param a m x n
+[[nodiscard]] SingularValues singular_values(const MatrixXd& a);
+
+/// The rotation R nearest to A, in the sum of squares: A = R S with a symmetric S.
+struct NearestRotation {
+  Eigen::Matrix3d rotation;
+  Eigen::Vector3d values;  ///< singular values of A, descending; R is unique where the second is not zero
+};
+
+[[nodiscard]] NearestRotation nearest_rotation(const Eigen::Matrix3d& a);
+
+/// X L^-T, where B = L L^T (6 x 6, positive definite): columns that are orthonormal in the matrix that B = X^T M X is
+/// of.
+void divide_by_upper_cholesky(const MatrixXd& b, MatrixXd& x);
+
+/// The order in which columns are taken, each the longest beside those before it.
+struct PivotedColumns {
+  Eigen::VectorXi order;  ///< n
+  Eigen::Index rank = 0;  ///< the first `rank` of them are independent, to the given part of the longest
+};
+
+/// @param a m x n @param dependent part of the longest column below which a column depends on others
+[[nodiscard]] PivotedColumns pivoted_columns(const MatrixXd& a, double dependent);
+/// Orthonormal basis (n x (n - rank)) of the vectors that `rows` (m x n) makes zero; rows may depend on each other.
+[[nodiscard]] MatrixXd null_space(const MatrixXd& rows, double dependent);
+/// The orthogonal factor Q (m x m) and R (min(m, n) x n, upper trapezoid) of A = Q R (m x n).
+struct QrFactors {
+  MatrixXd q, r;
+};
+[[nodiscard]] QrFactors qr_factors(const MatrixXd& a);
+/// R alone.
+[[nodiscard]] MatrixXd qr_triangle(const MatrixXd& a);
+/// The x of least length among those with the least |A x - b|. @param dependent as for pivoted_columns()
+[[nodiscard]] VectorXd least_squares(const MatrixXd& a, const VectorXd& b, double dependent);
+
+/// Columns of A (m x n) in the order of complete pivoting.
+[[nodiscard]] Eigen::VectorXi completely_pivoted_columns(const MatrixXd& a);
+/// x with A x = b by complete pivoting; a singular A gives some x.
+[[nodiscard]] VectorXd solve_by_complete_pivoting(const MatrixXd& a, const VectorXd& b);
+
+/// x with A X = B for a symmetric positive definite A. @return false, and X as it was, where A is not
+[[nodiscard]] bool solve_definite(const MatrixXd& a, MatrixXd& x);
+
+/// P A = L U with pivoting by rows.
+class Lu {
+ public:
+  Lu();
+  explicit Lu(const MatrixXd& a);
+  ~Lu();
+  Lu(Lu&&) noexcept;
+  Lu& operator=(Lu&&) noexcept;
+
+  void compute(const MatrixXd& a);
+  /// A^-1 B. @pre computed, without a zero pivot
+  [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
+  /// x = A^-1 b without an allocation; b and x must not overlap
+  void solve(const Eigen::Ref<const VectorXd>& b, Eigen::Ref<VectorXd> x) const;
+  /// Diagonal of U.
+  [[nodiscard]] VectorXd pivots() const;
+  /// Of the permutation P: 1 or -1.
+  [[nodiscard]] int permutation_sign() const;
+  /// Estimate of the reciprocal condition in the 1-norm.
+  [[nodiscard]] double rcond() const;
+
+ private:
+  struct Factor;
+  std::unique_ptr<Factor> factor_;
+};
+
+}  // namespace espalier::dense
