@@ -282,10 +282,11 @@ TEST(ReadMatrix, DevicesThatNeverEnd) {
     FAIL() << "read " << file.bytes().size() << " bytes";
   } catch (const Error& error) {
     EXPECT_EQ(error.status().code, StatusCode::out_of_memory);
-    EXPECT_NE(error.status().message.find("/dev/urandom: brings more than 3.00 MiB"), std::string::npos) << error.what();
+    EXPECT_NE(error.status().message.find("/dev/urandom: brings more than 3.00 MiB"), std::string::npos)
+        << error.what();
   }
-  const FileBytes zeros("/dev/zero", {}, Offset{300} << 20);
-  EXPECT_LT(zeros.bytes().size(), std::size_t{200} << 20) << "no format begins so: the beginning says it";
+  const FileBytes zeros("/dev/zero", {}, Offset{3} << 20);
+  EXPECT_LT(zeros.bytes().size(), std::size_t{2} << 20) << "no format begins so: the beginning says it";
 }
 
 TEST(ReadMatrix, TruncatedGzip) {
