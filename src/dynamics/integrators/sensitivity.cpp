@@ -273,11 +273,13 @@ void ForwardSensitivity::settle(Side& side, const State& now, const SidePast pas
     if (!std::isfinite(size))
       throw Error(StatusCode::accuracy_not_reached, fmt::format("the sensitivities at t = {:g} are no numbers", now.t));
     const bool stands = size > kShrinks * std::min(before, least);
+    // A change of a state that is none: the sides do not see it.
+    const bool nothing = size < kRounding || (change.q <= side.nothing_q && change.v <= side.nothing_v);
     poor = stands ? poor + 1 : 0;
-    if (size <= kLastChange || (k >= kFirstPasses && stands && (size < kRounding || poor > kMostPoor))) break;
+    if (size <= kLastChange || (k >= kFirstPasses && stands && (nothing || poor > kMostPoor))) break;
     least = std::min(least, size);
     // Where the tangent of the nominal system is not that of both sides (one sticks, one slips), passes alone diverge.
-    if (k > 0 && size > kSlow * before) memory.begin();
+    if (k > 0 && !nothing && size > kSlow * before) memory.begin();
     if (!memory.begun()) continue;
     side.s = memory.next(from, side.s);
     place(side, now);
