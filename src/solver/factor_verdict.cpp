@@ -94,7 +94,7 @@ bool Factor::parts_with_zeros() const {
 }
 
 bool Factor::zeros_without_search(const device::FactorOutcome& outcome) {
-  if (!outcome.failed.empty() || outcome.replaced.empty()) return false;
+  if (outcome.replaced.empty() || !unstable_pivots(outcome).empty()) return false;
   const Index parts = analysis_->system->complex_factor() ? 2 : 1;
   return with_deficiency_job([&](DeficiencyJob& job) {
     std::optional<Deficiency> found = zeros_of_pivots(job, parts * static_cast<Index>(outcome.replaced.size()));
@@ -114,7 +114,7 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() && (outcome.small.size() <= kFew || regular())) return false;
   deficiency_.reset();
   numeric_->halt_at_failures(false);
-  const bool small = outcome.failed.empty() && !outcome.small.empty();
+  const bool small = unstable_pivots(outcome).empty() && !outcome.small.empty();
   if (small) {
     numeric_->set_smallest_pivot(kSmall);
     outcome = numeric_->factorize();
