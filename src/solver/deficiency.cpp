@@ -258,13 +258,18 @@ class Search {
 
   /// Vectors of op(B)'s null space, by a factor of B + E (zeros_of_pivots()): what B makes of random vectors is taken
   /// off them.
+  /// @param polished  once more than it takes
   /// @returns none where they are no null vectors to rounding
-  [[nodiscard]] Block null_columns(Index columns, bool transpose) const {
+  [[nodiscard]] Block null_columns(Index columns, bool transpose, bool polished) const {
     constexpr int kMostSteps = 4;
     Block x = start(columns);
+    bool vanished = false;
     for (int step = 0; step < kMostSteps; ++step) {
       Block y = b_.product(x, transpose);
-      if (step > 0 && vanish(y, x)) return x;
+      if (step > 0 && vanish(y, x)) {
+        if (vanished || !polished) return x;
+        vanished = true;
+      }
       y = b_.inverse(std::move(y), transpose);
       for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
     }
@@ -632,8 +637,9 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   search.prepare();
   const double work = static_cast<double>(search.matrix().n()) * zeros * zeros;
   const bool all = zeros <= parts * kFirstColumns || work <= job.vector_work;
-  const Index columns = all ? zeros : kFirstColumns;
-  Block null = search.null_columns(columns, false);
+  constexpr Index kProof = 2;  // of one, a part that is none of a null vector might be small by chance
+  const Index columns = all ? zeros : kProof;
+  Block null = search.null_columns(columns, false, all);
   if (null.columns == 0) return {};
   Deficiency found;
   found.zeros = zeros / parts;
@@ -641,7 +647,7 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   found.by_pivots = true;
   if (!all) return found;
   Block left(search.matrix().n(), 0);
-  if (job.kind == Kind::lu) left = search.null_columns(columns, true);
+  if (job.kind == Kind::lu) left = search.null_columns(columns, true, true);
   if (job.kind == Kind::lu && left.columns == 0) return {};
   describe_all(job, search, work, std::move(null), std::move(left), found);
   return found;

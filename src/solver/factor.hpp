@@ -152,6 +152,9 @@ class Factor {
   [[nodiscard]] bool follow(const analysis::AssemblyTree& tree, std::vector<Index> front_before, Index moved_pivots);
   void set_smallest_pivot();
   [[nodiscard]] bool parts_with_zeros() const;
+  [[nodiscard]] bool looks() const;
+  [[nodiscard]] bool searches_on_host(device::FactorOutcome& outcome);
+  [[nodiscard]] bool small_pivots_are_zeros(const device::FactorOutcome& outcome);
   [[nodiscard]] bool proves_zeros(device::FactorOutcome& outcome);
   [[nodiscard]] bool zeros_without_search(const device::FactorOutcome& outcome);
   device::FactorOutcome settle_pivots();

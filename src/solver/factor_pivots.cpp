@@ -27,7 +27,7 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
   PivotPolicy policy(narrow_tiles());
   if (zeros_explain(outcome)) return outcome;
   for (;;) {
-    const bool zeros_stay = parts_with_zeros() && (analysis_->kind() == Kind::ldlt || outcome.failed.empty());
+    const bool zeros_stay = parts_with_zeros();
     const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome, zeros_stay);
     const auto solves = [&] {
       complete(outcome);
@@ -58,16 +58,16 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
 // A singular matrix leaves pivots for which no other front has better partners.
 bool Factor::zeros_explain(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given()) return false;
-  // With a replaced pivot of lu, its row failed as well, unless it vanished, too. Other failures spoil the factor that
-  // is to be asked.
+  // With a replaced pivot of lu, its row failed as well. Other failures spoil the factor that is to be asked.
   const auto spoilt = [&] {
-    const bool rows = analysis_->kind() == Kind::lu && !parts_with_zeros();
-    return outcome.failed.size() > (rows ? outcome.replaced.size() : 0);
+    if (parts_with_zeros()) return !unstable_pivots(outcome).empty();
+    return outcome.failed.size() > (analysis_->kind() == Kind::lu ? outcome.replaced.size() : 0);
   };
   if (spoilt()) return false;
   complete(outcome);
   if (spoilt()) return false;
   if (parts_with_zeros()) {
+    if (!outcome.failed.empty()) return zeros_without_search(outcome);
     if (proves_zeros(outcome)) return true;
     if (spoilt() || outcome.replaced.empty()) return false;
   }
