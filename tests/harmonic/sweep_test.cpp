@@ -263,8 +263,10 @@ TEST(Harmonic, SaysWhatCannotBe) {
 // Factors beside each other hear of a stop within themselves, not between two frequencies alone: the caller is asked at
 // each of their pieces of work.
 TEST(Harmonic, AStopIsHeardWithinAFactorization) {
-  const SparseMatrix k = matrix::generate(matrix::parse_generator({"elasticity", "6"})),
-                     m = matrix::generate(matrix::parse_generator({"elasticity-mass", "6"}));
+  const auto generated = [](std::vector<std::string> words) {
+    return matrix::generate(matrix::parse_generator(words));
+  };
+  const SparseMatrix k = generated({"elasticity", "6"}), m = generated({"elasticity-mass", "6"});
   std::vector<Complex> f(static_cast<std::size_t>(k.rows));
   f[0] = 1;
   int asked = 0;
