@@ -96,7 +96,8 @@ Vectors checked_columns(Vectors vectors, const std::string& path, Index rows) {
 
 RealColumns read_columns(const std::string& path, Index rows, base::ThreadPool& pool) {
   matrix::AnyVectors any = matrix::read_any_vectors(path, {&pool, false});
-  if (auto* real = std::get_if<matrix::DenseVectors>(&any)) return {checked_columns(std::move(*real), path, rows), false};
+  if (auto* real = std::get_if<matrix::DenseVectors>(&any))
+    return {checked_columns(std::move(*real), path, rows), false};
   const matrix::ComplexVectors given = checked_columns(std::get<matrix::ComplexVectors>(std::move(any)), path, rows);
   RealColumns out{{rows, 2 * given.cols, {}}, true};
   out.values.reserve(2 * given.values.size());

@@ -130,8 +130,7 @@ class SolveRun {
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
-    if (!command_.out_file.empty() && launched_.first())
-      write_columns(command_.out_file, x, "solution by espalier");
+    if (!command_.out_file.empty() && launched_.first()) write_columns(command_.out_file, x, "solution by espalier");
     if (command_.condition) estimate_condition();
   }
 

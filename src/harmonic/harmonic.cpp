@@ -87,10 +87,11 @@ void check_room(const HarmonicResult& r, std::size_t points, Offset limit) {
   const double bytes = sizeof(Complex) * static_cast<double>(points) * r.loads * r.outputs;
   const Offset room = limit > 0 ? limit : matrix::machine_memory();
   if (bytes <= static_cast<double>(room)) return;
-  throw Error(StatusCode::out_of_memory,
-              fmt::format("{} points of {} responses to {} loads would take {:.3g} bytes, and there are {}: ask for fewer "
-                          "points, or observe fewer",
-                          points, r.outputs, r.loads, bytes, base::format_bytes(room)));
+  throw Error(
+      StatusCode::out_of_memory,
+      fmt::format("{} points of {} responses to {} loads would take {:.3g} bytes, and there are {}: ask for fewer "
+                  "points, or observe fewer",
+                  points, r.outputs, r.loads, bytes, base::format_bytes(room)));
 }
 
 class Run {

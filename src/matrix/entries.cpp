@@ -84,10 +84,11 @@ SparseMatrix merge_triangles(const RawEntries& raw, const ReadOptions& options, 
     merged.col_ptr.push_back(static_cast<Offset>(merged.row_ind.size()));
   }
   if (pairs > 0 && options.notice)
-    options.notice(fmt::format("{}: the file holds both triangles, though its first line promises one; {} {} mirror "
-                               "{} taken once",
-                               source.name, pairs, pairs == 1 ? "entry and its" : "entries and their",
-                               pairs == 1 ? "image were" : "images were"));
+    options.notice(
+        fmt::format("{}: the file holds both triangles, though its first line promises one; {} {} mirror "
+                    "{} taken once",
+                    source.name, pairs, pairs == 1 ? "entry and its" : "entries and their",
+                    pairs == 1 ? "image were" : "images were"));
   return merged;
 }
 

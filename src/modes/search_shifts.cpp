@@ -105,13 +105,15 @@ Index Search::count_at(double& s, bool movable) {
       }
       last = impossible(f.negative, s);
     } else {
-      last.message =
-          movable ? fmt::format("K - s M is singular for every s that was tried: constraints depend on each other, or "
-                                "an unknown has neither mass nor stiffness ({})",
-                                f.status.message)
-                  : fmt::format("the shift {:g} is an eigenvalue, or K - s M is singular for every s; give another "
-                                "one, or none ({})",
-                                s, f.status.message);
+      last.message = movable
+                         ? fmt::format(
+                               "K - s M is singular for every s that was tried: constraints depend on each other, or "
+                               "an unknown has neither mass nor stiffness ({})",
+                               f.status.message)
+                         : fmt::format(
+                               "the shift {:g} is an eigenvalue, or K - s M is singular for every s; give another "
+                               "one, or none ({})",
+                               s, f.status.message);
     }
     if (!movable) break;
     s += (trial % 2 == 0 ? 1.0 : -2.7) * 1e-3 * (trial + 1) * std::max(unit_, 1e-3 * std::abs(s));
@@ -146,7 +148,9 @@ std::optional<ModeCount> Search::proven() const {
 }
 
 // How near an eigenvalue counts as equal, and how near to a cluster it is counted.
-double Search::near(double eigenvalue) const { return std::max(kNear * std::abs(eigenvalue), kNearOfTypical * typical_); }
+double Search::near(double eigenvalue) const {
+  return std::max(kNear * std::abs(eigenvalue), kNearOfTypical * typical_);
+}
 
 // Those wanted that lie above it lie so near to it that no other can be between.
 bool Search::proves_wanted(const ModeCount& count) const {

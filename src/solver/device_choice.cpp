@@ -294,10 +294,11 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
   const std::size_t budgets = options.device_memory_each_bytes.size();
   DeviceChoice choice = text->automatic ? automatic(registry, tree, wish, budgets) : named(*text, registry);
   if (text->hosts && wish.threads < text->hosts->devices)
-    throw Error(StatusCode::out_of_memory,
-                fmt::format("device {} takes a thread for each of its devices, and the system gives {} of them; ask for "
-                            "fewer devices, or raise its limits (ulimit -u, ulimit -v)",
-                            options.device, wish.threads));
+    throw Error(
+        StatusCode::out_of_memory,
+        fmt::format("device {} takes a thread for each of its devices, and the system gives {} of them; ask for "
+                    "fewer devices, or raise its limits (ulimit -u, ulimit -v)",
+                    options.device, wish.threads));
   if (budgets > 0 && choice.budgeted && !choice.ours && static_cast<int>(budgets) != choice.devices())
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} budgets of device memory for {} device{}: give one for all, or one for each", budgets,

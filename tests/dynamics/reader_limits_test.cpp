@@ -139,8 +139,8 @@ TEST(ReaderLimits, NumbersThatTakeMemory) {
   const auto surface = [](const std::string& lines) { return kPendulum + "[surfaces.s]\nbody = \"ground\"\n" + lines; };
   const auto part = [](const std::string& mesh) {
     return kPendulum +
-           "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1e9, poisson = 0.3, density = 1000 }\nmesh = { " + mesh +
-           " }\n";
+           "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1e9, poisson = 0.3, density = 1000 }\nmesh = { " +
+           mesh + " }\n";
   };
   const std::string sprocket = "shape = \"sprocket\"\npitch = 1e-2\nroller_radius = 3e-3\nwidth = 1e-2\n";
   for (const char* many : {"10001", "2000000000"}) {
@@ -208,7 +208,8 @@ TEST(ReaderLimits, FilesWithoutAnEnd) {
   EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load("/dev/zero").code),
             static_cast<int>(StatusCode::invalid_input));
   for (const char* kind : {"mesh = { file = \"/dev/zero\" }"})
-    expect_model_refused(kPendulum + "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1, poisson = 0, density = 1 }\n" +
+    expect_model_refused(kPendulum +
+                             "[bodies.part]\ntype = \"solid\"\nmaterial = { young = 1, poisson = 0, density = 1 }\n" +
                              kind + "\n",
                          "/dev/zero");
   EXPECT_LT(peak_kilobytes() - before, 600000);
@@ -227,7 +228,8 @@ TEST(ReaderLimits, PathsWithAZeroByte) {
   refused(&SimulationOptions::dump);
   refused(&SimulationOptions::analyses);
   refused(&SimulationOptions::restart);
-  EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load(zero).code), static_cast<int>(StatusCode::invalid_input));
+  EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load(zero).code),
+            static_cast<int>(StatusCode::invalid_input));
   expect_model_refused(kPendulum + "[surfaces.s]\nbody = \"ground\"\nfile = \"/dev/null\\u0000x\"\nshape = \"mesh\"\n",
                        "zero byte");
   EXPECT_FALSE(std::filesystem::exists(cut));

@@ -279,7 +279,8 @@ TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
 // asked for: at either end, at both, in the middle, at all. Truth: their closed forms.
 TEST(HarmonicEdges, ResonancesAtSamples) {
   constexpr double kFrom = 1, kTo = 9;
-  const std::vector<std::vector<double>> cases = {{1}, {9}, {1, 9}, {5}, {1, 5, 9}, {1, 2, 3, 4, 5, 6, 7, 8, 9}, {1, 1, 9}};
+  const std::vector<std::vector<double>> cases = {{1},      {9}, {1, 9}, {5}, {1, 5, 9}, {1, 2, 3, 4, 5, 6, 7, 8, 9},
+                                                  {1, 1, 9}};
   for (const std::vector<double>& at : cases) {
     const auto n = static_cast<Eigen::Index>(at.size());
     Case a{Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Zero(n, n), Eigen::MatrixXd::Identity(n, n),
@@ -303,7 +304,8 @@ TEST(HarmonicEdges, ResonancesAtSamples) {
 
 // Two equal rows: singular at each frequency, by no pattern.
 TEST(HarmonicEdges, SingularEverywhere) {
-  Case a{Eigen::MatrixXd::Ones(2, 2), Eigen::MatrixXd::Zero(2, 2), Eigen::MatrixXd::Ones(2, 2), Eigen::MatrixXcd::Ones(2, 1)};
+  Case a{Eigen::MatrixXd::Ones(2, 2), Eigen::MatrixXd::Zero(2, 2), Eigen::MatrixXd::Ones(2, 2),
+         Eigen::MatrixXcd::Ones(2, 1)};
   for (const double tolerance : {0.0, 1e-3})
     for (const bool modes : {true, false}) {
       HarmonicOptions o = range(0.5, 2, 11, tolerance);
@@ -320,9 +322,14 @@ TEST(HarmonicEdges, SingularEverywhere) {
 TEST(HarmonicEdges, RangesAtTheEdgesOfNumbers) {
   const Case a = chain_case(5, 1e-3);
   constexpr double kTiny = 1e-300, kHuge = 1e150;
-  const std::vector<std::pair<double, double>> ranges = {{0, kTiny}, {kTiny, 2 * kTiny}, {0.1, std::nextafter(0.1, 1.0)},
-                                                         {0.1, 0.1 * (1 + 1e-12)}, {0, kHuge}, {kHuge, 2 * kHuge},
-                                                         {0, 1e308}, {0, 1e6}};
+  const std::vector<std::pair<double, double>> ranges = {{0, kTiny},
+                                                         {kTiny, 2 * kTiny},
+                                                         {0.1, std::nextafter(0.1, 1.0)},
+                                                         {0.1, 0.1 * (1 + 1e-12)},
+                                                         {0, kHuge},
+                                                         {kHuge, 2 * kHuge},
+                                                         {0, 1e308},
+                                                         {0, 1e6}};
   for (const auto& [from, to] : ranges)
     for (const double tolerance : {0.0, 1e-3}) {
       HarmonicOptions o = range(from, to, 2, tolerance);

@@ -23,11 +23,13 @@ void add_absent(CLI::App& app, const char* name, const char* description, Action
 }  // namespace
 
 void add_bench(CLI::App& app, int /*argc*/, const char* const* /*argv*/, Action& action) {
-  add_absent(app, "bench", "Measure: rivals, sweeps, scaling, growth, ceilings (not in this build: `./run bench`)", action);
+  add_absent(app, "bench", "Measure: rivals, sweeps, scaling, growth, ceilings (not in this build: `./run bench`)",
+             action);
 }
 
 void add_report(CLI::App& app, Action& action) {
-  add_absent(app, "report", "Make a page or Markdown tables of results of `espalier bench` (not in this build: `./run report`)",
+  add_absent(app, "report",
+             "Make a page or Markdown tables of results of `espalier bench` (not in this build: `./run report`)",
              action);
 }
 
