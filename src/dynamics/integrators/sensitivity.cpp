@@ -28,8 +28,8 @@ void add_to(std::vector<double>& x, double factor, const std::vector<double>& y)
 }
 
 /// Anderson's mixing of passes x -> g(x): the combination of the last ones whose change is least (Walker, Ni, SIAM J.
-/// Numer. Anal. 49 (2011)). Of a linear g whose matrix differs from the exact one in few directions it is exact after as
-/// many passes.
+/// Numer. Anal. 49 (2011)). Of a linear g whose matrix differs from the exact one in few directions it is exact after
+/// as many passes.
 class PassMemory {
  public:
   void begin() { begun_ = true; }

@@ -128,12 +128,13 @@ class SensitivityRun {
     }
     result_.defect = forward.defect();
     if (!(result_.defect <= kMostDefect))
-      throw Error(StatusCode::accuracy_not_reached,
-                  fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than {:g}: "
-                              "the model may have a kink or a jump (contact that opens or closes, friction that sticks or "
-                              "slips) within the step of a parameter; take smaller SensitivityParameter::step, or tighter "
-                              "tolerances of the run",
-                              result_.defect, kMostDefect));
+      throw Error(
+          StatusCode::accuracy_not_reached,
+          fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than {:g}: "
+                      "the model may have a kink or a jump (contact that opens or closes, friction that sticks or "
+                      "slips) within the step of a parameter; take smaller SensitivityParameter::step, or tighter "
+                      "tolerances of the run",
+                      result_.defect, kMostDefect));
   }
 
  private:
