@@ -16,8 +16,7 @@ namespace espalier::matrix {
 struct ReadOptions {
   base::ThreadPool* pool = nullptr;  ///< who parses; null: a pool of all cores is made for texts of 8 MiB and more
   bool keep_pattern = false;         ///< a pattern file gives a matrix without values; otherwise every value is 1
-  std::function<void(const std::string&)> notice =
-      nullptr;  ///< hears what was read otherwise than it stands; null: nobody
+  std::function<void(const std::string&)> notice = nullptr;  ///< hears what is read otherwise than it stands
 };
 
 /// What a file declares about its entries.

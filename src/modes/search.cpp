@@ -291,9 +291,10 @@ void Search::say_complete() {
   std::string doubt = report_.why;
   if (!exact_) doubt = "pivots were replaced: the inertia is not exact";
   if (!enough) doubt = options_.prove ? "" : "no count was asked for";
+  const double of_largest = 1e2 * std::numeric_limits<double>::epsilon() * largest_;
   if (enough && end && !all)
     for (Index i = 0; i < harvest_.size(); ++i)
-      if (std::abs(harvest_[i].eigenvalue - end->at) <= 1e2 * std::numeric_limits<double>::epsilon() * largest_)
+      if (std::abs(harvest_[i].eigenvalue - end->at) <= std::max(rounding_at(end->at), of_largest))
         doubt = fmt::format("an eigenvalue lies at {:.6g}, where they were counted", end->at);
   result_.complete = enough && doubt.empty();
   if (result_.complete)

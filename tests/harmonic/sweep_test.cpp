@@ -260,5 +260,31 @@ TEST(Harmonic, SaysWhatCannotBe) {
   EXPECT_EQ(code(stopped), StatusCode::cancelled);
 }
 
+// Factors beside each other hear of a stop within themselves, not between two frequencies alone: the caller is asked at
+// each of their pieces of work.
+TEST(Harmonic, AStopIsHeardWithinAFactorization) {
+  const auto generated = [](std::vector<std::string> words) {
+    return matrix::generate(matrix::parse_generator(words));
+  };
+  const SparseMatrix k = generated({"elasticity", "6"}), m = generated({"elasticity-mass", "6"});
+  std::vector<Complex> f(static_cast<std::size_t>(k.rows));
+  f[0] = 1;
+  int asked = 0;
+  HarmonicOptions o = range(0, 1, 20);
+  o.loss_factor = 0.01;
+  o.solver.threads = 2;
+  o.solver.interrupted_every = 0;
+  o.solver.interrupted = [&] { return ++asked < 0; };
+  ASSERT_TRUE(harmonic_response(k, {}, m, f, 1, o).status.ok());
+  EXPECT_GT(asked, 20 * o.points);
+  const int all = asked;
+  for (const int after : {all / 4, all / 2, all * 3 / 4}) {
+    asked = 0;
+    o.solver.interrupted = [&] { return ++asked >= after; };
+    EXPECT_EQ(harmonic_response(k, {}, m, f, 1, o).status.code, StatusCode::cancelled);
+    EXPECT_EQ(asked, after);  // nobody asks again
+  }
+}
+
 }  // namespace
 }  // namespace espalier
