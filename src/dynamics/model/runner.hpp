@@ -56,6 +56,7 @@ class Runner {
   void respond();
   [[nodiscard]] const ModelHarmonicResult& response() const { return response_; }
   // For those who look at the system itself.
+  [[nodiscard]] const IntegratorSpec& integrator() const { return model_.integrator; }
   [[nodiscard]] Mechanism& mechanism() { return *mechanism_; }
   [[nodiscard]] Equations& equations() { return *equations_; }
   [[nodiscard]] const State& state() const { return current(); }
