@@ -42,9 +42,10 @@ struct TouchMotion {
 /// that point and theta x arm, arm from it to where it touches, the mean of now and then. What rolls stretches no
 /// spring.
 struct SpringEnds {
-  Vec3 on_first, on_second;      ///< in the axes of each body
-  Vec3 arm = Vec3::Zero();       ///< in the axes of the first body
-  Mat3 turn = Mat3::Identity();  ///< axes of the second body in those of the first
+  Vec3 on_first = Vec3::Zero();   ///< in the axes of the first body
+  Vec3 on_second = Vec3::Zero();  ///< in the axes of the second body
+  Vec3 arm = Vec3::Zero();        ///< in the axes of the first body
+  Mat3 turn = Mat3::Identity();   ///< axes of the second body in those of the first
 };
 /// The ends of a spring that has the stretch `kept` (on B, global axes).
 [[nodiscard]] SpringEnds spring_ends(const Touch& touch, const BodyMotion& a, const BodyMotion& b, const Vec3& kept);
