@@ -298,7 +298,7 @@ void Runner::go() {
   going_ = true;
   happen();
   if (!balance_) balance_ = std::make_unique<EnergyBalance>(mechanism_->system);
-  balance_->begin(current());
+  watch_from_here();
 }
 
 // Steps until `end`, an event, the observer or the caller's interruption.
@@ -329,8 +329,8 @@ void Runner::step(double limit) {
     last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
   }
   balance_->step(current());
+  if (model_.integrator.method == Method::bdf && model_.integrator.bdf.fixed_step == 0) held_.step(current());
   happen();
-  if (!events_->empty()) balance_->begin(current());
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
   const Phase output("output", summary_.phases.output, trace_.get());
   const Sample s = sample(last_report_);
@@ -369,6 +369,7 @@ void Runner::note_steps() {
         integrator_->counts().steps));
   if (const std::optional<std::string> notice = balance_ ? balance_->notice() : std::nullopt)
     notices.push_back(*notice);
+  if (const std::optional<std::string> notice = held_.notice()) notices.push_back(*notice);
   const IntegratorCounts& c = integrator_->counts();
   // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
   constexpr double kWorthSaying = 1e-6;

@@ -13,6 +13,7 @@
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/energy_balance.hpp"
 #include "dynamics/model/events.hpp"
+#include "dynamics/model/held_steps.hpp"
 #include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
 #include "dynamics/model/newton_solver.hpp"
@@ -100,6 +101,7 @@ class Runner {
   void meet_impacts();                           ///< runner_impacts.cpp
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
+  void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
   void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
@@ -119,6 +121,7 @@ class Runner {
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
   std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
+  HeldSteps held_;                          // of adaptive steps
   bool stopped_ = false;                    // by an event
   double impact_time_ = 0;                  // of the last impact
   long impacts_there_ = 0;                  // hardly apart in time from each other
