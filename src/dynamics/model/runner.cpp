@@ -225,6 +225,11 @@ void Runner::start_integrator() {
 
 Sample Runner::sample(const StepReport& report) {
   Sample s{&current(), report};
+  if (!guard_->redundant().empty()) {
+    shown_ = current();
+    guard_->share_reactions(shown_);
+    s.state = &shown_;
+  }
   if (model_.statics) s.load = load_;
   equations_->evaluate_constraints(s.state->t, s.state->q, s.state->v);
   std::vector<double> level(s.state->lambda.size());

@@ -103,6 +103,7 @@ class Runner {
   void choose(const std::string& request, const Place& place);
   void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
   void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
+  /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   [[nodiscard]] std::string explain_failure(const Error& error);
@@ -131,7 +132,7 @@ class Runner {
   std::unique_ptr<KeptFrames> frames_;
   std::vector<char> dropped_at_start_;  // constraint rows, m marks
   bool going_ = false;                  // go() was called, and the files have not been ended
-  State state_;
+  State state_, shown_;
   State reference_;       // displacements in pictures count from it: a restarted run must find the same
   Options modes_solver_;  // of initial.modes
   std::vector<std::vector<double>> shapes_;  // of these modes
