@@ -10,6 +10,7 @@
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/restart.hpp"
 #include "dynamics/model/start_report.hpp"
 #include "solver/option_text.hpp"
@@ -393,6 +394,8 @@ void Runner::note_steps() {
 std::string Runner::explain_failure(const Error& error) {
   std::string text = error.what();
   text += mechanism_->inverted_elements();
+  for (const BuiltBody& body : mechanism_->bodies)
+    if (const std::optional<std::string> notice = compression_notice(body, current().q)) text += "; " + *notice;
   if (error.status().code == StatusCode::invalid_input || state_.lambda.empty()) return text;
   // A mechanism in a singular position is the usual reason: rows of Phi_q that nearly depend on each other, beyond
   // those left out already.
@@ -417,7 +420,18 @@ void Runner::write_trace(const std::string& path) const {
   trace_->write(path);
 }
 
+void Runner::note_elements() {
+  for (const BuiltBody& body : mechanism_->bodies) {
+    if (compressed_.count(body.spec.name) > 0) continue;
+    const std::optional<std::string> notice = compression_notice(body, current().q);
+    if (!notice) continue;
+    compressed_.insert(body.spec.name);
+    summary_.notices.push_back(*notice);
+  }
+}
+
 void Runner::finish() {
+  note_elements();
   summary_.t_end = time();
   const IntegratorCounts c = integrator_ ? integrator_->counts() : IntegratorCounts{};
   summary_.steps = model_.statics ? last_report_.index : c.steps;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -102,6 +103,7 @@ class Runner {
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
   void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
+  void note_elements();    ///< what is known of their weaknesses, once for each body
   void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
@@ -122,6 +124,7 @@ class Runner {
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
   std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
+  std::set<std::string> compressed_;        // bodies of which that was said
   HeldSteps held_;                          // of adaptive steps
   bool stopped_ = false;                    // by an event
   double impact_time_ = 0;                  // of the last impact
