@@ -1,5 +1,6 @@
 // A model in other units of length, mass and time gives the same answers. Truth: the model itself, in metres, kilograms
 // and seconds; each quantity is converted by its dimension.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
