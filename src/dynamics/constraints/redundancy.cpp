@@ -1,5 +1,6 @@
 #include "dynamics/constraints/redundancy.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -151,7 +152,7 @@ std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstS
   return RowElimination(phi_q, values, tolerance, most_partners).run();
 }
 
-std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
+std::vector<double> RedundancyGuard::scaled_rows(double t, ConstSpan q) {
   System& system = equations_.system();
   std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
@@ -160,9 +161,14 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   for (std::size_t k = 0; k < values.size(); ++k) values[k] *= sizes[at(p.ind[k])];
   for (Index row = 0; row < p.rows; ++row)
     if (absent(row)) std::fill(values.begin() + p.ptr[at(row)], values.begin() + p.ptr[at(row) + 1], 0.0);
+  return values;
+}
+
+std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
-  std::vector<DependentRow> rows = find_dependent_rows(p, values, options_.tolerance, kMostPartners);
+  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(), scaled_rows(t, q),
+                                                       options_.tolerance, kMostPartners);
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }
@@ -248,12 +254,40 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
   }
 }
 
+// Phi_q^T n = 0 for n = e_row - sum weight e_partner of each row left out: lambda + N y with the least |S (lambda + N y)|.
+void RedundancyGuard::share_reactions(State& state) {
+  constexpr std::size_t kMostLeftOut = 200, kMostRows = 3000;
+  constexpr double kDependent = 1e-6;  // looser than for the decision: joints do not hold exactly
+  if (redundant_.empty() || redundant_.size() > kMostLeftOut || state.lambda.size() > kMostRows) return;
+  const SparsePattern& p = equations_.system().constraint_pattern();
+  const std::vector<double> values = scaled_rows(state.t, state.q);
+  std::vector<DependentRow> rows = find_dependent_rows(p, values, kDependent);
+  std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row) || equations_.dropped()[at(d.row)] == 0; });
+  if (rows.empty()) return;
+  const auto m = static_cast<Eigen::Index>(state.lambda.size()), count = static_cast<Eigen::Index>(rows.size());
+  Eigen::MatrixXd null = Eigen::MatrixXd::Zero(m, count);
+  for (Eigen::Index j = 0; j < count; ++j) {
+    const DependentRow& d = rows[static_cast<std::size_t>(j)];
+    null(d.row, j) = 1;
+    for (std::size_t k = 0; k < d.partners.size(); ++k) null(d.partners[k], j) = -d.weights[k];
+  }
+  Eigen::VectorXd sizes = Eigen::VectorXd::Zero(m);
+  for (Index row = 0; row < p.rows; ++row)
+    for (Offset e = p.ptr[at(row)]; e < p.ptr[at(row) + 1]; ++e)
+      sizes[row] = std::max(sizes[row], std::abs(values[at(e)]));
+  const Eigen::Map<Eigen::VectorXd> lambda(state.lambda.data(), m);
+  const Eigen::VectorXd y =
+      (sizes.asDiagonal() * null).colPivHouseholderQr().solve(-sizes.cwiseProduct(lambda));
+  Eigen::Map<Eigen::VectorXd>(state.lambda.data(), m) += null * y;
+}
+
 std::vector<std::string> RedundancyGuard::notices() const {
   std::vector<std::string> lines;
   for (const RedundantConstraint& r : redundant_) {
     std::string line = r.name + " is redundant and is left out; it follows from ";
     for (std::size_t k = 0; k < r.partners.size(); ++k) line += (k == 0 ? "" : ", ") + r.partners[k];
-    lines.push_back(r.partners.empty() ? r.name + " is redundant and is left out" : line);
+    if (r.partners.empty()) line = r.name + " is redundant and is left out";
+    lines.push_back(line + " (reactions are not determined: those of least norm are given)");
   }
   return lines;
 }

@@ -41,6 +41,8 @@ EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
 void EnergyBalance::step(const State& s) {
   const double h = s.t - last_.t;
   if (!(h > 0)) return begin(s);
+  if (++passed_ < every_) return;
+  passed_ = 0;
   const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_of(s, h);
   const double work = 0.5 * h * (before.power + now.power);
   work_ += work;

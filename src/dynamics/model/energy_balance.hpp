@@ -13,15 +13,17 @@ namespace espalier::dynamics::model {
 /// Along a motion q' = v, v' = a the energy changes by the power P = dE/dt of what is in no potential: dampers,
 /// friction, motors, moving supports. P follows at each time from the state that satisfies the equations of motion
 /// there, by a difference of the energy along (v, a). What the energy changes from step to step beside the integral of
-/// P (trapezoids) was made, or lost, by the steps themselves. Three evaluations of the energy a step.
+/// P (trapezoids) was made, or lost, by the steps themselves. Three evaluations of the energy a step; of large systems,
+/// which are not to be slowed down by that, only at every 16th.
 class EnergyBalance {
  public:
-  explicit EnergyBalance(System& system) : system_(system) {}
+  explicit EnergyBalance(System& system) : system_(system), every_(system.sizes().velocity > kLarge ? 16 : 1) {}
 
   /// At the start, and where a state jumps (impacts, events).
   void begin(const State& s) {
     last_ = s;
     known_.reset();
+    passed_ = 0;
   }
   /// At the end of a step.
   void step(const State& s);
@@ -36,6 +38,7 @@ class EnergyBalance {
   [[nodiscard]] std::optional<std::string> notice() const;
 
  private:
+  static constexpr Index kLarge = 20000;
   struct Rate {
     Energy energy;
     double power = 0;
@@ -44,6 +47,7 @@ class EnergyBalance {
   [[nodiscard]] Rate rate_of(const State& s, double h);
 
   System& system_;
+  int every_, passed_ = 0;
   State last_;
   std::optional<Rate> known_;  // of the last state
   double work_ = 0, absolute_work_ = 0, gain_ = 0, uncertainty_ = 0;
