@@ -290,7 +290,8 @@ bool Factor::needs_fp64(device::FactorOutcome& outcome) {
 bool Factor::lost_to_scaling(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given() || context_.rescales() || analysis_->kind() == Kind::llt)
     return false;
-  return judge(outcome).zeros < analysis_->system->unknowns(outcome.replaced.size());
+  const Deficiency& found = judge(outcome);
+  return found.zeros < analysis_->system->unknowns(outcome.replaced.size()) && !(found.reduced && found.zeros > 0);
 }
 
 bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {

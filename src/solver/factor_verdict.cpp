@@ -112,6 +112,7 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
   if (zeros_without_search(outcome)) return true;
   const auto regular = [&] { return with_deficiency_job([](DeficiencyJob& job) { return surely_regular(job); }); };
   if (outcome.replaced.empty() && (outcome.small.size() <= kFew || regular())) return false;
+  std::optional<Deficiency> found = zeros_among(outcome);
   deficiency_.reset();
   numeric_->halt_at_failures(false);
   const bool small = unstable_pivots(outcome).empty() && !outcome.small.empty();
@@ -124,9 +125,25 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
     parts_ = false;
     set_smallest_pivot();
     outcome = numeric_->factorize();
+    deficiency_ = std::move(found);
   }
   numeric_->halt_at_failures(halts_);
-  return proven;
+  return deficiency_.has_value();
+}
+
+// Of columns that vanish for want of rows that others have taken.
+std::optional<Deficiency> Factor::zeros_among(const device::FactorOutcome& outcome) {
+  if (outcome.replaced.empty() || !unstable_pivots(outcome).empty()) return {};
+  const std::vector<Index> columns = columns_of(*analysis_, outcome.replaced);
+  const bool lu = analysis_->kind() == Kind::lu;
+  const std::vector<Index> rows = lu ? rows_of(*analysis_, outcome.replaced_rows) : columns;
+  const auto pivots = static_cast<std::size_t>(analysis_->system->unknowns(outcome.replaced.size()));
+  if (columns.size() != pivots || rows.size() != pivots) return {};
+  return with_deficiency_job([&](DeficiencyJob& job) {
+    std::optional<Deficiency> found = zeros_among_pivots(job, rows, columns);
+    if (found) found->negative += outcome.negative / (analysis_->system->real_form ? 2 : 1);
+    return found;
+  });
 }
 
 Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) {
