@@ -276,6 +276,7 @@ TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
   // Points next to it are solved, each.
   HarmonicOptions o = range(0, 1, 20001, 1e-4);
   o.loss_factor = a.eta;
+  o.observed = {0};
   const HarmonicResult dense = a.response(o);
   ASSERT_GE(dense.points.size(), 20001U);
   EXPECT_TRUE(dense.points[1].solved);
