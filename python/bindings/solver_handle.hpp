@@ -95,7 +95,8 @@ class SolverHandle {
     (void)turns_.call([&] {
       if (closed_ || generation != generation_ || !solver_)
         throw std::logic_error(
-            "the solver has been closed, or has begun anew with another matrix: make the changes anew");
+            "the solver has been closed, or has begun anew with another matrix: call reset() and make the changes "
+            "anew");
       body(*solver_);
       return true;
     });

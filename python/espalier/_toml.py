@@ -2,6 +2,8 @@
 
 from typing import Any, Mapping
 
+from . import _checks
+
 
 def _key(key: Any) -> str:
     if not isinstance(key, str):
@@ -9,9 +11,10 @@ def _key(key: Any) -> str:
     return key if key and all(c.isascii() and (c.isalnum() or c in "-_") for c in key) else _text(key)
 
 
-def _text(value: str) -> str:
+def _text(value: str, path: str = "a key") -> str:
     import json
 
+    _checks.text(value, path)
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
@@ -25,7 +28,7 @@ def _value(value: Any, path: str) -> str:
     if isinstance(value, float):
         return repr(value)
     if isinstance(value, str):
-        return _text(value)
+        return _text(value, path)
     if isinstance(value, (list, tuple)):
         return "[" + ", ".join(_value(v, f"{path}[{k}]") for k, v in enumerate(value)) + "]"
     if isinstance(value, Mapping):

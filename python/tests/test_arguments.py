@@ -101,7 +101,7 @@ CALLS = {
                     {"relative": 1e-6, "absolute": 1e-6, "absolute_velocity": 1e-6, "test_velocity": True, "max_order": 3, "order": 2, "step": 0.01,
                      "initial_step": 0.01, "min_step": 1e-12, "max_step": 0.1, "spectral_radius": 0.5, "hht_alpha": -0.1, "constraint_tolerance": 1e-9,
                      "max_newton": 5, "newton_tolerance": 1e-3, "allowed_position": 1.0, "allowed_velocity": 1.0}),
-    "Dae returns": (lambda **k: dae(**{n: (lambda *_: v) for n, v in k.items()}).start(0, [1], [0]),
+    "Dae returns": (lambda **k: dae(**{n: (lambda *_, v=v: v) for n, v in k.items()}).start(0, [1], [0]),
                     {"mass": np.eye(1), "force": np.zeros(1), "tangent": np.eye(1), "energy": (0, 0)}),
     "Dae.start": (lambda **k: dae().start(**k), {"t": 0.0, "q": [1.0], "v": [0.0]}),
     "Dae.integrate": (lambda **k: started().integrate(**k), {"end": 0.01, "observer": lambda t: None}),

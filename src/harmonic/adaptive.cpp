@@ -69,7 +69,29 @@ double Adaptive::nearest_sample(double frequency) const {
   return least;
 }
 
-void Adaptive::add(const std::vector<double>& frequencies, bool keep) {
+bool Adaptive::beside_singular(double frequency) const {
+  return std::any_of(singular_.begin(), singular_.end(), [&](const Solved& s) {
+    return std::abs(s.point.frequency - frequency) < kUndampedReach * length();
+  });
+}
+
+// Whether a sample there helps: in the range, apart from the others, and not so near to a frequency at which the system
+// is singular that its response would hide all others.
+bool Adaptive::worth_a_sample(double frequency) const {
+  return frequency > from_ && frequency < to_ && nearest_sample(frequency) >= kApart * length() &&
+         !beside_singular(frequency);
+}
+
+void Adaptive::solve_beside_singular(const std::vector<double>& wanted) {
+  const auto most = static_cast<std::size_t>(options_.max_solves);
+  std::vector<double> where;
+  for (const double f : wanted)
+    if (beside_singular(f) && nearest_sample(f) > 0 && samples_.size() + singular_.size() + where.size() < most)
+      where.push_back(f);
+  beside_ = sweep_.solve(where, std::vector<char>(where.size(), 0));
+}
+
+void Adaptive::add(const std::vector<double>& frequencies, bool keep, bool beside_too) {
   std::vector<double> wanted;
   for (const double f : frequencies)
     if (nearest_sample(f) > 0 && std::find(wanted.begin(), wanted.end(), f) == wanted.end()) wanted.push_back(f);
@@ -85,7 +107,7 @@ void Adaptive::add(const std::vector<double>& frequencies, bool keep) {
                                   [](double f, const Solved& other) { return f < other.point.frequency; }),
                  std::move(s));
     // Its neighbourhood counts: a little inside the range.
-    if (singular)
+    if (singular && beside_too)
       beside.push_back(frequency + (frequency < (from_ + to_) / 2 ? kUndampedReach : -kUndampedReach) * length());
   }
   if (too_many)
@@ -93,7 +115,7 @@ void Adaptive::add(const std::vector<double>& frequencies, bool keep) {
                 fmt::format("{} frequencies were solved and the interpolation is not yet good to {:g} (its estimates "
                             "stand beside the points); allow more, ask for a larger tolerance, or for a smaller range",
                             options_.max_solves, options_.tolerance));
-  if (!beside.empty()) add(beside);
+  if (!beside.empty()) add(beside, false, false);
 }
 
 VectorXd Adaptive::noise() const {
@@ -178,12 +200,12 @@ std::vector<Adaptive::Target> Adaptive::doubtful() const {
       for (const double k : {-3.0, -1.0, 0.0, 1.0, 3.0})
         if (k != 0 || p.damped) grid.push_back(p.frequency + k * p.half_width);
       // A peak is believed when a sample lies in it.
-      if (nearest_sample(p.frequency) > 3 * p.half_width)
-        out.push_back({p.frequency + (p.damped ? 0.3 : 1) * p.half_width, INFINITY});
+      const double inside = p.frequency + (p.damped ? 0.3 : 1) * p.half_width;
+      if (nearest_sample(p.frequency) > 3 * p.half_width && worth_a_sample(inside)) out.push_back({inside, INFINITY});
     }
   std::vector<Target> worst(at_.size() + 1);  // between two samples, before the first and behind the last one
   for (const double f : grid) {
-    if (!(f > from_ && f < to_) || nearest_sample(f) < kApart * length()) continue;
+    if (!worth_a_sample(f)) continue;
     const auto interval = static_cast<std::size_t>(std::upper_bound(at_.begin(), at_.end(), f) - at_.begin());
     if (const double d = difference_at(f); d > worst[interval].difference) worst[interval] = {f, d};
   }
@@ -209,9 +231,8 @@ std::vector<double> Adaptive::to_check(const std::vector<Target>& all) {
 std::vector<double> Adaptive::apart(const std::vector<double>& frequencies) const {
   std::vector<double> out;
   for (const double f : frequencies) {
-    const bool inside = f > from_ && f < to_ && nearest_sample(f) >= kApart * length();
-    if (inside && std::all_of(out.begin(), out.end(), [&](double g) { return std::abs(f - g) >= kApart * length(); }))
-      out.push_back(f);
+    const auto apart_from = [&](double g) { return std::abs(f - g) >= kApart * length(); };
+    if (worth_a_sample(f) && std::all_of(out.begin(), out.end(), apart_from)) out.push_back(f);
   }
   return out;
 }
@@ -299,10 +320,17 @@ void Adaptive::deliver(const std::vector<double>& wanted) {
   std::vector<double> all = wanted;
   for (const Peak& p : peaks(now_))
     for (const double k : {-4.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0})
-      if (const double f = p.frequency + k * p.half_width; (k != 0 || p.damped) && f > from_ && f < to_)
+      if (const double f = p.frequency + k * p.half_width;
+          (k != 0 || p.damped) && f > from_ && f < to_ && !beside_singular(f))
         all.push_back(f);
   std::sort(all.begin(), all.end());
   std::vector<Solved> out = samples_;
+  out.insert(out.end(), beside_.begin(), beside_.end());
+  const auto solved_beside = [&](double f) {
+    const auto place = std::lower_bound(beside_.begin(), beside_.end(), f,
+                                        [](const Solved& s, double at) { return s.point.frequency < at; });
+    return place != beside_.end() && place->point.frequency == f;
+  };
   // On a resonance: those asked for alone, others were our choice.
   std::vector<double> shapes = options_.shapes_at;
   std::sort(shapes.begin(), shapes.end());
@@ -312,12 +340,12 @@ void Adaptive::deliver(const std::vector<double>& wanted) {
       out.push_back(s);
   for (std::size_t i = 0; i < all.size() && !now_.empty(); ++i) {
     const double f = all[i];
-    if ((i > 0 && f == all[i - 1]) || nearest_sample(f) == 0) continue;
+    if ((i > 0 && f == all[i - 1]) || nearest_sample(f) == 0 || solved_beside(f)) continue;
     Solved s;
     s.point.frequency = f;
     s.point.solved = false;
     s.point.backward_error = std::numeric_limits<double>::quiet_NaN();
-    s.point.error_estimate = difference_at(f);
+    s.point.error_estimate = beside_singular(f) ? INFINITY : difference_at(f);
     const VectorXcd y = now_.evaluate(f, values_);
     s.outputs.assign(y.data(), y.data() + y.size());
     out.push_back(std::move(s));

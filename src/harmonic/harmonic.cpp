@@ -135,6 +135,7 @@ class Run {
       excited.assign(expected.all.size(), 0);
       adaptive.add(shapes_, true);
       adaptive.run(expected.all, excited);
+      adaptive.solve_beside_singular(wanted_);
     });
     result_.complete = expected.complete && status.ok();
     result_.completeness = expected.completeness;

@@ -61,16 +61,22 @@ void Rational::find_weights(const MatrixXd& size) {
         loewner(row, j) = (y(c, at(i)) - y(c, at(k))) / ((s_[i] - s_[k]) * size(c, at(i)));
       }
   }
+  // Each column of length 1: a weight beside a pole, where values are larger by decades, is smaller by as many, and is
+  // known to as many digits as the others.
+  const double none = std::numeric_limits<double>::min();
+  const Eigen::VectorXd lengths = loewner.colwise().norm().transpose().cwiseMax(none);
+  loewner = loewner * lengths.cwiseInverse().asDiagonal();
   if (loewner.rows() > columns) {
     const MatrixXcd r = Eigen::HouseholderQR<MatrixXcd>(loewner).matrixQR().topRows(columns);
     loewner = r.triangularView<Eigen::Upper>();
   }
   if (columns > kSvd) {
     weights_ = smallest_of_triangle(std::move(loewner));
-    return;
+  } else {
+    const Eigen::JacobiSVD<MatrixXcd, Eigen::FullPivHouseholderQRPreconditioner> svd(loewner, Eigen::ComputeFullV);
+    weights_ = svd.matrixV().col(columns - 1);
   }
-  const Eigen::JacobiSVD<MatrixXcd, Eigen::FullPivHouseholderQRPreconditioner> svd(loewner, Eigen::ComputeFullV);
-  weights_ = svd.matrixV().col(columns - 1);
+  weights_.array() *= lengths.minCoeff() / lengths.array();
 }
 
 void Rational::judge(const MatrixXd& size) {

