@@ -248,9 +248,11 @@ ForwardSensitivity::Change ForwardSensitivity::pass(Side& side, const SidePast p
 }
 
 double ForwardSensitivity::relative(const Side& side, const Change& change) {
-  const auto over = [](double x, double size) { return x == 0 ? 0 : x / size; };
-  return std::max(over(change.q, std::max(side.size_q, side.nothing_q)),
-                  over(change.v, std::max(side.size_v, side.nothing_v)));
+  constexpr double kOfNothing = 0.01; // changes that are rounding
+  const auto over = [](double x, double size, double nothing) {
+    return x <= kOfNothing * nothing ? 0 : x / std::max(size, nothing);
+  };
+  return std::max(over(change.q, side.size_q, side.nothing_q), over(change.v, side.size_v, side.nothing_v));
 }
 
 double ForwardSensitivity::defect() const {
@@ -268,7 +270,9 @@ void ForwardSensitivity::take_tangent_of(const Side& side, int above) {
   linear_->factorize(s.view(), {1, hp_, hp_ * hp_});
 }
 
+// With what a side remembers (where its springs hold on) its tangent at the nominal state may be that of a slip.
 void ForwardSensitivity::take_tangent(const State& now) {
+  if (usual_ != &nominal_) return take_tangent_of(sides_.front(), 1);
   linear_ = usual_;
   linear_->evaluate_constraints(now.t, now.q, now.v);
   linear_->factorize(now.view(), {1, hp_, hp_ * hp_});
@@ -293,12 +297,12 @@ void ForwardSensitivity::settle(Side& side, const State& now, const SidePast pas
     poor = stands ? poor + 1 : 0;
     if (size <= kLastChange || (k >= kFirstPasses && stands && (size < kRounding || poor > kMostPoor))) break;
     least = std::min(least, size);
-    if (stands && poor % kTurns == 0 && hp_ > 0) {
+    if (stands && poor % kTurns == 0 && size > kRounding && hp_ > 0) {
       take_tangent_of(side, turns++ % 2 == 0 ? 1 : 0);
       memory = {};
       continue;
     }
-    if (k > 0 && size > kSlow * before) memory.begin();
+    if (k > 0 && size > kSlow * before && size > kRounding) memory.begin();
     if (!memory.begun()) continue;
     side.s = memory.next(from, side.s);
     place(side, now);
@@ -317,9 +321,12 @@ void ForwardSensitivity::step(const State& now, int order) {
   weights_.assign(points + 1, 0.0);
   derivative_weights(now.t, times, weights_);
   hp_ = 1 / weights_[0];
-  take_tangent(now);
   for (Side& side : sides_) {
     predict(side);
+    place(side, now);
+  }
+  take_tangent(now);
+  for (Side& side : sides_) {
     const SidePast past[2] = {past_of(side, 0), past_of(side, 1)};
     settle(side, now, past);
     side.past.push_front(side.s);
