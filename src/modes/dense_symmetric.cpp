@@ -138,27 +138,32 @@ class Spectrum {
     values_ = errors_ = VectorXd::Constant(count, std::numeric_limits<double>::infinity());
   }
 
-  /// Down to the lowest eigenvalues that are more than rounding.
+  /// Down to the lowest eigenvalues that are more than rounding, also of the entries: below that every shift is as good
+  /// as zero, and its factors are those of a singular matrix.
   void descend() {
-    constexpr double kResolved = 1e3, kNear = 1e-2;
+    constexpr double kResolved = 1e3, kNear = 1e-2, kBeyondEntries = 10;
     double distance = pencil_.largest();
     for (bool lower = true; lower;) {
       look(-distance);
       double least = distance;
-      for (Eigen::Index i = 0; i < values_.size(); ++i)
-        if (const double size = std::abs(values_[i]); size > kResolved * errors_[i]) least = std::min(least, size);
+      const ShiftedPencil::Slice& s = slices_.back();
+      const MatrixXd x = pencil_.shapes(s.vectors);
+      for (Eigen::Index i = 0; i < values_.size(); ++i) {
+        const double size = std::abs(s.eigenvalues[i]);
+        if (size < least && size > kResolved * s.errors[i] && size > kBeyondEntries * pencil_.entry_rounding(x.col(i)))
+          least = size;
+      }
       lower = least < kNear * distance;
       distance = least;
     }
+    noise_ = distance / 2;
   }
 
   /// Up again, until `count` are as good as they can be.
   void ascend(Eigen::Index count) {
     constexpr double kGood = 1e-12;
-    for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i) {
-      if (values_[i] <= 0 || errors_[i] <= kGood * values_[i]) continue;
-      look(gap_near(i));
-    }
+    for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i)
+      if (values_[i] > noise_ && errors_[i] > kGood * values_[i]) look(gap_near(i));
   }
 
   [[nodiscard]] DenseModes modes() const {
@@ -219,7 +224,7 @@ class Spectrum {
     for (Eigen::Index j = std::max<Eigen::Index>(0, i - kNeighbours); j < std::min(values_.size() - 1, i + kNeighbours);
          ++j) {
       const double below = std::max(values_[j], 0.0), above = values_[j + 1];
-      if (!(above > 0) || std::isinf(above) || (above - below) / above <= widest) continue;
+      if (!(above > noise_) || std::isinf(above) || (above - below) / above <= widest) continue;
       widest = (above - below) / above;
       best = below + (above - below) / 2;
     }
@@ -228,6 +233,7 @@ class Spectrum {
 
   const ShiftedPencil& pencil_;
   VectorXd values_, errors_;  // the best of all shifts
+  double noise_ = 0;          // eigenvalues up to that are rounding
   std::vector<ShiftedPencil::Slice> slices_;
 };
 

@@ -58,7 +58,7 @@ TEST(Switches, BallBeginsToRollAtEveryTolerance) {
     const Simulation s = simulated(on_floor(0.008, 1, "friction = 0.1\ntangential_damping = 2e3") +
                                    tolerances(kEnd, relative, absolute));
     EXPECT_NEAR(s.value("ball.position.x"), x, 3e-6 + 30 * relative) << relative << ", " << absolute;
-    EXPECT_NEAR(s.value("ball.angular_velocity.y"), 50.0 / 7, 2e-5 + 300 * relative) << relative << ", " << absolute;
+    EXPECT_NEAR(s.value("ball.angular_velocity.y"), 50.0 / 7, 4e-5 + 300 * relative) << relative << ", " << absolute;
   });
 }
 
@@ -97,7 +97,7 @@ TEST(Switches, NarrowFieldsAreMet) {
     const Simulation s = simulated(
         free_mass("velocity = [1, 0, 0]\n[forces.field]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") + field +
         "\", 0, 0]\n" + tolerances(8, tolerance, tolerance));
-    EXPECT_NEAR(s.value("m.velocity.x"), std::sqrt(1 + 0.1), 50 * tolerance) << tolerance;
+    EXPECT_NEAR(s.value("m.velocity.x"), std::sqrt(1 + 0.1), 200 * tolerance) << tolerance;
   }
 }
 

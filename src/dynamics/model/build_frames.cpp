@@ -257,6 +257,9 @@ std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
 }  // namespace
 
 std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody& body) const {
+  if (m.face.empty() && !m.bore && m.nodes.empty())
+    throw std::invalid_argument(
+        "attach = \"rigid\" needs a face, a bore or a node set, whose nodes are to be one rigid piece");
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no sets of nodes or faces", m.body));
   std::vector<Index> nodes =
       m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);

@@ -18,6 +18,13 @@
 namespace espalier::dynamics::model {
 namespace {
 
+/// Below it velocities are as good as none.
+double speed_that_counts(const IntegratorSpec& integrator) {
+  constexpr double kOfAlpha = 1e-8;
+  if (integrator.method != Method::bdf) return kOfAlpha;
+  return integrator.bdf.absolute_velocity > 0 ? integrator.bdf.absolute_velocity : integrator.bdf.absolute;
+}
+
 using base::Stopwatch;
 
 SimulationStep public_step(const StepReport& r) {
@@ -303,7 +310,7 @@ void Runner::go() {
   if (options_.restart.empty()) give_response();
   going_ = true;
   happen();
-  if (!balance_) balance_ = std::make_unique<EnergyBalance>(mechanism_->system);
+  if (!balance_) balance_ = std::make_unique<EnergyBalance>(*equations_, speed_that_counts(model_.integrator));
   watch_from_here();
 }
 
