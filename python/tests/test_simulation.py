@@ -29,7 +29,7 @@ def cart():
 def pendulum(**keys):
     model = esp.Model(gravity=[0, -10, 0], integrator={**BDF, **keys})
     model.body("bob", mass=2, inertia=np.full(3, 1e-9), position=(1, 0, 0))
-    model.joint("hinge", "revolute", bodies=["ground", "bob"], at=[0, 0, 0])
+    model.joint("hinge", "revolute", bodies=["ground", "bob"], at=[0, 0, 0], axis=[0, 0, 1])
     return model
 
 

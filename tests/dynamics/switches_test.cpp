@@ -42,8 +42,8 @@ void for_tolerances(const std::function<void(double relative, double absolute)>&
 TEST(Switches, BlockSlidesToRestAtEveryTolerance) {
   const double rest = 1 / (2 * 0.2 * kGravity);
   for_tolerances([&](double relative, double absolute) {
-    const Simulation s = simulated(on_floor(1e6, 1, "friction = 0.2\ntangential_damping = 1e3") +
-                                   tolerances(1, relative, absolute));
+    const Simulation s =
+        simulated(on_floor(1e6, 1, "friction = 0.2\ntangential_damping = 1e3") + tolerances(1, relative, absolute));
     EXPECT_NEAR(s.value("ball.position.x"), rest, 2e-6 + 30 * relative) << relative << ", " << absolute;
     EXPECT_NEAR(s.value("ball.velocity.x"), 0, 1e-6 + 30 * relative) << relative << ", " << absolute;
   });
@@ -73,17 +73,16 @@ TEST(Switches, ShortBlowsAreMet) {
     double impulse;
   };
   const std::string spline =
-      "[splines.hit]\nkind = \"linear\"\noutside = \"constant\"\npoints = [[0, 0], [5, 0], [5.0005, 100], [5.001, 0]]\n";
-  for (const Blow& blow : {Blow{"100*(step(t, 5, 0, 5.0001, 1) - step(t, 5.0009, 0, 5.001, 1))", 0.09},
-                           Blow{"100*max(0, 1 - abs(t - 5)/0.0005)", 0.05},
-                           Blow{"100*max(0, sign(0.0005 - abs(t - 5)))", 0.1},
-                           Blow{"100*(min(max(t - 5, 0), 0.001) - min(max(t - 5.001, 0), 0.001))/0.001", 0.1},
-                           Blow{"100*(floor((t + 1)/6) - floor((t + 0.999)/6))", 0.1},
-                           Blow{"hit(t)", 0.05}}) {
+      "[splines.hit]\nkind = \"linear\"\noutside = \"constant\"\npoints = [[0, 0], [5, 0], [5.0005, 100], [5.001, "
+      "0]]\n";
+  for (const Blow& blow :
+       {Blow{"100*(step(t, 5, 0, 5.0001, 1) - step(t, 5.0009, 0, 5.001, 1))", 0.09},
+        Blow{"100*max(0, 1 - abs(t - 5)/0.0005)", 0.05}, Blow{"100*max(0, sign(0.0005 - abs(t - 5)))", 0.1},
+        Blow{"100*(min(max(t - 5, 0), 0.001) - min(max(t - 5.001, 0), 0.001))/0.001", 0.1},
+        Blow{"100*(floor((t + 1)/6) - floor((t + 0.999)/6))", 0.1}, Blow{"hit(t)", 0.05}}) {
     for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
-      const Simulation s =
-          simulated(free_mass("[forces.blow]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") + blow.factor +
-                    "\", 0, 0]\n" + spline + tolerances(8, tolerance, tolerance));
+      const Simulation s = simulated(free_mass("[forces.blow]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") +
+                                     blow.factor + "\", 0, 0]\n" + spline + tolerances(8, tolerance, tolerance));
       EXPECT_NEAR(s.value("m.velocity.x"), blow.impulse / 2, 20 * tolerance + 1e-9) << blow.factor << ", " << tolerance;
       EXPECT_LT(s.summary().steps, 3000) << blow.factor;
     }
@@ -95,9 +94,9 @@ TEST(Switches, ShortBlowsAreMet) {
 TEST(Switches, NarrowFieldsAreMet) {
   const std::string field = "100*max(0, 1 - abs(m.position.x - 5)/0.001)";
   for (const double tolerance : {1e-4, 1e-6, 1e-8}) {
-    const Simulation s =
-        simulated(free_mass("velocity = [1, 0, 0]\n[forces.field]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") +
-                  field + "\", 0, 0]\n" + tolerances(8, tolerance, tolerance));
+    const Simulation s = simulated(
+        free_mass("velocity = [1, 0, 0]\n[forces.field]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") + field +
+        "\", 0, 0]\n" + tolerances(8, tolerance, tolerance));
     EXPECT_NEAR(s.value("m.velocity.x"), std::sqrt(1 + 0.1), 200 * tolerance) << tolerance;
   }
 }
@@ -108,7 +107,8 @@ struct Throw {
   /// Where it is at the end, turned round by a spring of 1e6 N/m with 2 kg.
   [[nodiscard]] double place(double end) const {
     const double v = speed * std::sqrt(share), omega = std::sqrt(1e6 / 2);
-    const double touches = (std::numbers::pi - 2 * std::atan2(kGravity / omega, v)) / omega;  // gravity helps the spring
+    const double touches =
+        (std::numbers::pi - 2 * std::atan2(kGravity / omega, v)) / omega;  // gravity helps the spring
     const double falls = end - (speed - v) / kGravity - touches;
     return at - v * falls - 0.5 * kGravity * falls * falls;
   }
@@ -117,15 +117,16 @@ struct Throw {
 // What is touched at the top of a parabola, where both ends of a long step are far below.
 TEST(Switches, StopsAndCeilingsAreTouchedAtTheTop) {
   const Throw up;
-  const std::string body =
-      "gravity = [-9.81, 0, 0]\n" + free_mass(fmt::format("velocity = [{}, 0, 0]\n", up.speed));
+  const std::string body = "gravity = [-9.81, 0, 0]\n" + free_mass(fmt::format("velocity = [{}, 0, 0]\n", up.speed));
   const std::string rail = fmt::format(
-      "[joints.rail]\ntype = \"prismatic\"\nbodies = [\"ground\", \"m\"]\nat = [0, 0, 0]\naxis = [1, 0, 0]\nlimits = {{ "
+      "[joints.rail]\ntype = \"prismatic\"\nbodies = [\"ground\", \"m\"]\nat = [0, 0, 0]\naxis = [1, 0, 0]\nlimits = "
+      "{{ "
       "upper = {:.17g}, stiffness = 1e6, smoothing = 1e-7 }}\n",
       up.at);
   const std::string ceiling = fmt::format(
       "[surfaces.m]\nbody = \"m\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.ceiling]\nbody = \"ground\"\nshape = "
-      "\"plane\"\nnormal = [-1, 0, 0]\npoint = [{:.17g}, 0, 0]\n[contacts.c]\nsurfaces = [\"m\", \"ceiling\"]\nstiffness "
+      "\"plane\"\nnormal = [-1, 0, 0]\npoint = [{:.17g}, 0, 0]\n[contacts.c]\nsurfaces = [\"m\", "
+      "\"ceiling\"]\nstiffness "
       "= 1e6\n",
       up.at + 0.1);
   for (const std::string& kind : {rail, ceiling})
@@ -138,18 +139,18 @@ TEST(Switches, StopsAndCeilingsAreTouchedAtTheTop) {
 // The same with an event, and with impulses.
 TEST(Switches, EventsAndImpulsesAreMetAtTheTop) {
   const Throw up;
-  const std::string body =
-      "gravity = [-9.81, 0, 0]\n" + free_mass(fmt::format("velocity = [{}, 0, 0]\n", up.speed));
+  const std::string body = "gravity = [-9.81, 0, 0]\n" + free_mass(fmt::format("velocity = [{}, 0, 0]\n", up.speed));
   const Simulation event = simulated(body + fmt::format("[events.high]\nwhen = \"m.position.x > {:.17g}\"\n", up.at) +
                                      tolerances(2, 1e-6, 1e-6));
   ASSERT_EQ(event.summary().events.size(), 1U);
   EXPECT_NEAR(event.summary().events[0].t, up.speed * (1 - std::sqrt(up.share)) / kGravity, 1e-5);
   const Simulation impulse = simulated(
       body +
-      fmt::format("[surfaces.m]\nbody = \"m\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.ceiling]\nbody = "
-                  "\"ground\"\nshape = \"plane\"\nnormal = [-1, 0, 0]\npoint = [{:.17g}, 0, 0]\n[contacts.c]\nsurfaces = "
-                  "[\"m\", \"ceiling\"]\nlaw = \"impulse\"\nrestitution = 1\nstiffness = 1e6\n",
-                  up.at + 0.1) +
+      fmt::format(
+          "[surfaces.m]\nbody = \"m\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.ceiling]\nbody = "
+          "\"ground\"\nshape = \"plane\"\nnormal = [-1, 0, 0]\npoint = [{:.17g}, 0, 0]\n[contacts.c]\nsurfaces = "
+          "[\"m\", \"ceiling\"]\nlaw = \"impulse\"\nrestitution = 1\nstiffness = 1e6\n",
+          up.at + 0.1) +
       tolerances(1.8, 1e-6, 1e-6));
   const double v = up.speed * std::sqrt(up.share), falls = 1.8 - (up.speed - v) / kGravity;
   EXPECT_NEAR(impulse.value("m.position.x"), up.at - v * falls - 0.5 * kGravity * falls * falls, 1e-5);
@@ -176,7 +177,8 @@ TEST(Switches, RestitutionIsOfTheSpeedOfTheImpact) {
   for (const double tolerance : {1e-4, 1e-6, 1e-8}) {
     const Simulation s = simulated(
         free_mass("position = [0, 0, 2.1]\nvelocity = [0, 0, -1]\n") + kFloor +
-        "[forces.pull]\ntype = \"load\"\na = { body = \"m\" }\nforce = [0, 0, \"-8*max(0, sign(m.position.z - 0.1))\"]\n"
+        "[forces.pull]\ntype = \"load\"\na = { body = \"m\" }\nforce = [0, 0, \"-8*max(0, sign(m.position.z - "
+        "0.1))\"]\n"
         "[surfaces.m]\nbody = \"m\"\nshape = \"sphere\"\nradius = 0.1\n[contacts.c]\nsurfaces = [\"floor\", \"m\"]\n"
         "stiffness = 20\nrestitution = 0.5\n[events.leaves]\nwhen = \"min(m.position.z - 0.1, m.velocity.z) > 0\"\n"
         "stop = true\ntolerance = 1e-9\n" +
@@ -188,9 +190,7 @@ TEST(Switches, RestitutionIsOfTheSpeedOfTheImpact) {
 /// x at the end of m x'' = k (u t - x) - mu(x') N from rest: sticks until k u t = static N, then by Runge and Kutta.
 double stick_slip(double mass, double stiffness, double press, double speed, double end) {
   const auto mu = [&](double v) { return 0.2 + 0.2 * std::exp(-v * v / (speed * speed)); };
-  const auto acceleration = [&](double t, double x, double v) {
-    return (stiffness * (t - x) - mu(v) * press) / mass;
-  };
+  const auto acceleration = [&](double t, double x, double v) { return (stiffness * (t - x) - mu(v) * press) / mass; };
   double t = 0.4 * press / stiffness + 1e-9, x = 0, v = 1e-9;
   const double h = 2e-7;
   while (t < end) {
@@ -212,7 +212,8 @@ TEST(Switches, StribeckBreaksAwayInTimeAtAnySlipSpeed) {
     const Simulation s = simulated(
         "gravity = [0, 0, -9.81]\n[bodies.m]\ntype = \"rigid\"\nmass = 1\ninertia = [1, 1, 1]\n[joints.rail]\ntype = "
         "\"prismatic\"\nbodies = [\"ground\", \"m\"]\nat = [0, 0, 0]\naxis = [1, 0, 0]\n" +
-        fmt::format("friction = {{ coefficient = 0.2, static = 0.4, stribeck_speed = 1e-3, slip_speed = {} }}\n", slip) +
+        fmt::format("friction = {{ coefficient = 0.2, static = 0.4, stribeck_speed = 1e-3, slip_speed = {} }}\n",
+                    slip) +
         "[forces.pull]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"100*(t - m.position.x)\", 0, 0]\n" +
         tolerances(0.2, 1e-8, 1e-9));
     EXPECT_NEAR(s.value("m.position.x"), truth, 2e-3 * truth + 30 * slip) << slip;

@@ -276,7 +276,8 @@ void RigidContact::accept(const StateView& s) {
     const BodyMotion &a = motion_[slot(body_of(active.pair[0]))], &b = motion_[slot(body_of(active.pair[1]))];
     const TouchForce force = force_of(active, nullptr);
     const Touch& t = active.touch;
-    const Vec3 kept = law_.rubs() ? kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate) : Vec3(Vec3::Zero());
+    const Vec3 kept =
+        law_.rubs() ? kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate) : Vec3(Vec3::Zero());
     next.push_back({active.pair, t.id, a.axes.transpose() * t.normal, spring_ends(t, a, b, kept),
                     active.memory != nullptr ? active.damping : landing_damping(active),
                     active.memory != nullptr ? active.memory->begin : 0});
@@ -344,8 +345,8 @@ Energy RigidContact::energy(const StateView& s) {
     const TouchForce force = force_of(active, nullptr);
     sum.potential += force.normal.energy;
     if (law_.rubs())
-      sum.potential +=
-          0.5 * law_.tangential_stiffness * kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate).squaredNorm();
+      sum.potential += 0.5 * law_.tangential_stiffness *
+                       kept_stretch(law_, force.normal.force, force.stretch, force.slip_rate).squaredNorm();
   }
   return sum;
 }

@@ -61,8 +61,8 @@ double RigidContact::turning_share(const StepPath& path) {
     const auto touch = std::find_if(then.touches.begin(), then.touches.end(), same);
     if (touch == then.touches.end()) continue;
     const Vec3 x = touch->second.point - touch->behind() * touch->normal;
-    const double before = force.friction.force.dot(
-        tangential(then.b.velocity_at(x) - then.a.velocity_at(x), touch->normal));
+    const double before =
+        force.friction.force.dot(tangential(then.b.velocity_at(x) - then.a.velocity_at(x), touch->normal));
     if (before >= 0) continue;
     const double turn = before / (before - now);
     if (!path.negligible_after(turn)) share = std::min(share, turn);
@@ -93,8 +93,7 @@ double RigidContact::passing_share(const StepPath& path) {
     for (const Index other : {i, planes_.empty() ? i : planes_.front()})
       way = std::max(way, fastest_point({i, other}, path) * path.length());
   double share = 1;
-  for (const Pair& pair : way < margin_ ? pairs_ : near_pairs(way))
-    share = std::min(share, passing_share(pair, path));
+  for (const Pair& pair : way < margin_ ? pairs_ : near_pairs(way)) share = std::min(share, passing_share(pair, path));
   return share;
 }
 
@@ -109,7 +108,8 @@ double RigidContact::passing_share(const Pair& pair, const StepPath& path) const
   if (at_begin <= 0 || at_begin + at_end > way) return 1;
   const double least =
       std::min(least_extent(surfaces_[slot(pair[0])].shape), least_extent(surfaces_[slot(pair[1])].shape));
-  const int looks = static_cast<int>(std::clamp(std::ceil(way / (kRigidLook * least)), 1.0 * kFewestRigidLooks, 1.0 * kMostRigidLooks));
+  const int looks = static_cast<int>(
+      std::clamp(std::ceil(way / (kRigidLook * least)), 1.0 * kFewestRigidLooks, 1.0 * kMostRigidLooks));
   double before = at_begin, last = at_begin;
   for (int k = 1; k <= looks; ++k) {
     const double share = static_cast<double>(k) / looks, here = k == looks ? at_end : gap(path.at(share));

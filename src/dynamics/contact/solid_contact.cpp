@@ -395,7 +395,8 @@ Energy SolidContact::energy(const StateView& s) {
   for_acting([&](const Acting& acting, const FacePlace& /*at*/) {
     double e = acting.normal.energy;
     if (law_.rubs())
-      e += 0.5 * law_.tangential_stiffness * kept_stretch(law_, acting.normal.force, acting.stretch, acting.slip_rate).squaredNorm();
+      e += 0.5 * law_.tangential_stiffness *
+           kept_stretch(law_, acting.normal.force, acting.stretch, acting.slip_rate).squaredNorm();
     sum.potential += points_[acting.point].weight * e;
   });
   return sum;

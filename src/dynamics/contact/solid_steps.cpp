@@ -76,7 +76,8 @@ void SolidContact::add_falling(const StateView& s, std::vector<FallingForce>& ou
     const auto add = [&](const SurfaceFace& face, const auto& value, double sign) {
       for (int a = 0; a < face.count(); ++a)
         for (int i = 0; i < 3; ++i)
-          along[face.rows[static_cast<std::size_t>(a)].position + i] += sign * value[static_cast<std::size_t>(a)] * e[i];
+          along[face.rows[static_cast<std::size_t>(a)].position + i] +=
+              sign * value[static_cast<std::size_t>(a)] * e[i];
     };
     add(first_.face(points_[acting.point].spot.face), at.value, 1);
     if (second_) {
@@ -112,7 +113,8 @@ double SolidContact::passing_share(const StepPath& path) {
     return std::array{box_of_all(first_.boxes()), second_ ? box_of_all(second_->boxes()) : box_around(placed_)};
   };
   const auto begin = boxes(path.begin()), end = boxes(path.end());
-  const double way = way_of_box(begin[0], end[0]) + (second_ || shape_.body != nullptr ? way_of_box(begin[1], end[1]) : 0.0);
+  const double way =
+      way_of_box(begin[0], end[0]) + (second_ || shape_.body != nullptr ? way_of_box(begin[1], end[1]) : 0.0);
   const bool plane = !second_ && std::holds_alternative<PlaneShape>(shape_.shape);
   Box first = begin[0];
   first.add(end[0]);
@@ -123,8 +125,8 @@ double SolidContact::passing_share(const StepPath& path) {
   const bool apart = plane ? n.dot(middle - placed_.origin) > n.cwiseAbs().dot(half) : !first.meets(second);
   if (!(way > 0) || apart || touches(path.begin())) return 1;
   const double thin = second_ ? second_->mean_size() : least_extent(shape_.shape);
-  const double looks = std::clamp(std::ceil(way / (kSolidLook * std::min(thin, first_.mean_size()))), 1.0 * kFewestSolidLooks,
-                                  1.0 * kMostSolidLooks);
+  const double looks = std::clamp(std::ceil(way / (kSolidLook * std::min(thin, first_.mean_size()))),
+                                  1.0 * kFewestSolidLooks, 1.0 * kMostSolidLooks);
   for (int k = 1; k < static_cast<int>(looks); ++k)
     if (touches(path.at(k / looks))) return k / looks;
   return 1;

@@ -208,8 +208,8 @@ TouchForce touch_force(const ContactLaw& law, double damping, const Touch& touch
     if (ends != nullptr)
       trial += law.tangential_stiffness * projected(between, sign * spring_of(touch, a, b, *ends, &m).by);
     by_place += f.by_trial * trial + f.by_rate * slip_rate_by + f.by_normal * n_by_place;
-    by_twist += (law.tangential_damping * f.by_trial + f.by_rate) * in_plane * relative_by_twist +
-                f.by_normal * n_by_twist;
+    by_twist +=
+        (law.tangential_damping * f.by_trial + f.by_rate) * in_plane * relative_by_twist + f.by_normal * n_by_twist;
   }
   add_wrench_derivatives(force, by_place, &m, x, a, b, tangent->by_place);
   add_wrench_derivatives(force, by_twist, nullptr, x, a, b, tangent->by_twist);

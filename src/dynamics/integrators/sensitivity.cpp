@@ -29,8 +29,8 @@ void add_to(std::vector<double>& x, double factor, const std::vector<double>& y)
 }
 
 /// Anderson's mixing of passes x -> g(x): the combination of the last ones whose change is least (Walker, Ni, SIAM J.
-/// Numer. Anal. 49 (2011)). Of a linear g whose matrix differs from the exact one in few directions it is exact after as
-/// many passes.
+/// Numer. Anal. 49 (2011)). Of a linear g whose matrix differs from the exact one in few directions it is exact after
+/// as many passes.
 class PassMemory {
  public:
   void begin() { begun_ = true; }
@@ -248,7 +248,7 @@ ForwardSensitivity::Change ForwardSensitivity::pass(Side& side, const SidePast p
 }
 
 double ForwardSensitivity::relative(const Side& side, const Change& change) {
-  constexpr double kOfNothing = 0.01; // changes that are rounding
+  constexpr double kOfNothing = 0.01;  // changes that are rounding
   const auto over = [](double x, double size, double nothing) {
     return x <= kOfNothing * nothing ? 0 : x / std::max(size, nothing);
   };
@@ -261,8 +261,8 @@ double ForwardSensitivity::defect() const {
   return worst;
 }
 
-// Where friction sticks on one side and slips on the other, no tangent at the nominal state is that of their difference.
-// Each side's own is at least as stiff as that of the mean on one of them.
+// Where friction sticks on one side and slips on the other, no tangent at the nominal state is that of their
+// difference. Each side's own is at least as stiff as that of the mean on one of them.
 void ForwardSensitivity::take_tangent_of(const Side& side, int above) {
   linear_ = &equations(side, above);
   const State& s = side.state[static_cast<std::size_t>(above)];

@@ -7,8 +7,8 @@
 #include <optional>
 #include <set>
 
-#include "dynamics/bodies/carried_frame.hpp"
 #include "dense/dense.hpp"
+#include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/model/builders.hpp"
 

@@ -13,8 +13,8 @@
 namespace espalier::dynamics::model {
 namespace {
 
-/// Whether a name fits a pattern in which * stands for any letters. Where letters do not fit, the last * takes one more:
-/// an earlier one need not (at most name times pattern steps).
+/// Whether a name fits a pattern in which * stands for any letters. Where letters do not fit, the last * takes one
+/// more: an earlier one need not (at most name times pattern steps).
 bool fits_pattern(std::string_view name, std::string_view pattern) {
   constexpr std::size_t kNone = std::string_view::npos;
   std::size_t n = 0, p = 0, star = kNone, taken = 0;  // the last *, and up to where it takes letters of the name
@@ -61,7 +61,8 @@ class SurfaceBuilder {
       if (any) continue;
       std::vector<std::string> names;
       for (const SurfaceSpec& s : model_.surfaces) names.push_back(s.name);
-      fail(place, fmt::format("there is no surface '{}' in [surfaces]{}", excerpt(pattern), suggestion(pattern, names)));
+      fail(place,
+           fmt::format("there is no surface '{}' in [surfaces]{}", excerpt(pattern), suggestion(pattern, names)));
     }
     return found;
   }

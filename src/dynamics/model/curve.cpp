@@ -37,7 +37,9 @@ void Curve::find_corners(double sharp) {
     const bool first = i == 0, last = i + 1 == n;
     if ((first || last) && !flat) continue;
     const double before = first ? 0 : secant(i - 1), after = last ? 0 : secant(i);
-    const double width = first ? x_[1] - x_[0] : last ? x_[i] - x_[i - 1] : std::min(x_[i] - x_[i - 1], x_[i + 1] - x_[i]);
+    const double width = first  ? x_[1] - x_[0]
+                         : last ? x_[i] - x_[i - 1]
+                                : std::min(x_[i] - x_[i - 1], x_[i + 1] - x_[i]);
     if (std::abs(after - before) * width > sharp * (*most - *least)) corners_.push_back(x_[i]);
   }
 }

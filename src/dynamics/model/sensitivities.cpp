@@ -221,9 +221,10 @@ class SensitivityRun {
         expected += part;
         size += std::abs(part);
       }
-      const double noise = adaptive ? kNoise * (integrator.bdf.relative * std::max(std::abs(now), std::abs(there)) +
-                                                integrator.bdf.absolute)
-                                    : 0;
+      const double noise =
+          adaptive
+              ? kNoise * (integrator.bdf.relative * std::max(std::abs(now), std::abs(there)) + integrator.bdf.absolute)
+              : 0;
       if (std::abs(there - now - expected) <= kAllowed * std::max(size, std::abs(there - now)) + noise) continue;
       text += fmt::format("{}{} changes by {:.3g}, where the derivatives say {:.3g}", text.empty() ? "" : "; ", name,
                           there - now, expected);
