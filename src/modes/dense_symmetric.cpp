@@ -193,11 +193,13 @@ class Spectrum {
     MatrixXd vectors = MatrixXd::Zero(pencil_.rows(), values_.size());
     for (Eigen::Index first = 0, end = 0; first < values_.size(); first = end) {
       for (end = first + 1; end < values_.size(); ++end) {
-        const double gap = values_[end] - values_[end - 1], size = std::max(std::abs(values_[end]), std::abs(values_[end - 1]));
+        const double gap = values_[end] - values_[end - 1],
+                     size = std::max(std::abs(values_[end]), std::abs(values_[end - 1]));
         if (gap > kTogether * size && gap > 10 * (errors_[end] + errors_[end - 1])) break;
       }
       const auto error = [&](const ShiftedPencil::Slice& s) { return s.errors.segment(first, end - first).maxCoeff(); };
-      const auto best = std::min_element(slices_.begin(), slices_.end(), [&](const auto& a, const auto& b) { return error(a) < error(b); });
+      const auto best = std::min_element(slices_.begin(), slices_.end(),
+                                         [&](const auto& a, const auto& b) { return error(a) < error(b); });
       vectors.middleCols(first, end - first) = best->vectors.middleCols(first, end - first);
     }
     return vectors;

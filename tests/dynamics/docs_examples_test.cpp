@@ -77,7 +77,8 @@ TEST(DocsExamples, OfContactRun) {
   }
 }
 
-// The first example of the guide: a flexible pendulum. Where its bob ends, and its energy, which damping may only lessen.
+// The first example of the guide: a flexible pendulum. Where its bob ends, and its energy, which damping may only
+// lessen.
 TEST(DocsExamples, TheFirstOneIsConverged) {
   const std::string text =
       blocks(content_of((espalier::test::source_folder() / "docs/guide/simulate.md").string()), "toml").at(0);
@@ -86,7 +87,8 @@ TEST(DocsExamples, TheFirstOneIsConverged) {
   expect_converged(printed, converged, 2e-3, "the first example");
   const SimulationSummary& s = printed.summary();
   EXPECT_LT(s.energy_end.kinetic + s.energy_end.potential, s.energy_begin.kinetic + s.energy_begin.potential + 1e-3);
-  for (const std::string& notice : s.notices) EXPECT_EQ(notice.find("energy that no force"), std::string::npos) << notice;
+  for (const std::string& notice : s.notices)
+    EXPECT_EQ(notice.find("energy that no force"), std::string::npos) << notice;
 }
 
 }  // namespace

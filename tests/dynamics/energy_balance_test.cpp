@@ -73,7 +73,8 @@ TEST(EnergyBalance, ImpactsAreNoSteps) {
       "gravity = [0, 0, -10]\n[bodies.ball]\ntype = \"rigid\"\nmass = 1\nbox = [0.1, 0.1, 0.1]\nposition = [0, 0, "
       "1]\n[surfaces.ball]\nbody = \"ball\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.floor]\nbody = "
       "\"ground\"\nshape = "
-      "\"plane\"\n[contacts.floor]\nsurfaces = [\"floor\", \"ball\"]\nlaw = \"impulse\"\nstiffness = 1e6\nrestitution = "
+      "\"plane\"\n[contacts.floor]\nsurfaces = [\"floor\", \"ball\"]\nlaw = \"impulse\"\nstiffness = 1e6\nrestitution "
+      "= "
       "0.5\n[integrator]\nrelative = 1e-8\nabsolute = 1e-9\nend = 0.8\n";
   const Simulation run = simulated(ball);
   EXPECT_LT(run.summary().energy_end.kinetic + run.summary().energy_end.potential, 0.5 * 10);

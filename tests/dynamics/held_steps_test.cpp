@@ -1,4 +1,5 @@
-// Runs whose steps follow a vibration say so. Truth: a beam's longitudinal and bending frequencies; a pendulum has none.
+// Runs whose steps follow a vibration say so. Truth: a beam's longitudinal and bending frequencies; a pendulum has
+// none.
 #include <gtest/gtest.h>
 
 #include "model_common.hpp"
@@ -8,7 +9,7 @@ namespace {
 
 bool says_vibration(const Simulation& s) {
   for (const std::string& notice : s.summary().notices)
-    if (notice.find("follow a vibration of about") != std::string::npos) return true;
+    if (notice.find("steps follow a vibration of about") != std::string::npos) return true;
   return false;
 }
 

@@ -81,7 +81,8 @@ TEST(SensitivitiesOfContacts, OfABlockThatHasStopped) {
     EXPECT_NEAR(r.derivative("block.position.x", "bodies.block.velocity.0"), 2 * stop, 2e-3 * stop) << tolerance;
     EXPECT_NEAR(r.derivative("block.position.x", "contacts.rub.friction"), -stop / kFriction, 1e-2 * stop) << tolerance;
     EXPECT_LT(r.defect, 1e-6);
-    for (const std::string& notice : r.summary.notices) EXPECT_EQ(notice.find("derivatives"), std::string::npos) << notice;
+    for (const std::string& notice : r.summary.notices)
+      EXPECT_EQ(notice.find("derivatives"), std::string::npos) << notice;
   }
 }
 

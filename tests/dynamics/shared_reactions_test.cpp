@@ -10,12 +10,13 @@ namespace {
 /// A table of 8 kg on four legs at (+-a, +-b), with its centre of mass at (x, y).
 std::string table(double x, double y) {
   std::string text = fmt::format(
-      "gravity = [0, 0, -10]\n[bodies.top]\ntype = \"rigid\"\nmass = 8\ninertia = [1, 1, 1]\nposition = [{}, {}, 0]\n", x,
-      y);
+      "gravity = [0, 0, -10]\n[bodies.top]\ntype = \"rigid\"\nmass = 8\ninertia = [1, 1, 1]\nposition = [{}, {}, 0]\n",
+      x, y);
   const double legs[4][2] = {{0.6, 0.4}, {-0.6, 0.4}, {-0.6, -0.4}, {0.6, -0.4}};
   for (int k = 0; k < 4; ++k)
     text += fmt::format(
-        "[joints.leg{}]\ntype = \"prescribed\"\na = {{ body = \"ground\", point = [{}, {}, 0] }}\nb = {{ body = \"top\", "
+        "[joints.leg{}]\ntype = \"prescribed\"\na = {{ body = \"ground\", point = [{}, {}, 0] }}\nb = {{ body = "
+        "\"top\", "
         "point = [{}, {}, 0] }}\nmotion = \"0\"\ndirection = \"z\"\n",
         k, legs[k][0], legs[k][1], legs[k][0] - x, legs[k][1] - y);
   return text + "[integrator]\nend = 1e-3\n";
@@ -38,11 +39,12 @@ TEST(SharedReactions, OfATableOnFourLegs) {
 // A door on two hinges on one line shares its weight, and what it pulls sidewards, in any unit of length.
 TEST(SharedReactions, OfADoorOnTwoHinges) {
   for (const double unit : {1.0, 1e3}) {
-    const Simulation s = simulated(fmt::format(
-        "gravity = [0, 0, \"-10*u\"]\n[parameters]\nu = {}\n", unit) +
+    const Simulation s = simulated(
+        fmt::format("gravity = [0, 0, \"-10*u\"]\n[parameters]\nu = {}\n", unit) +
         "[bodies.door]\ntype = \"rigid\"\nmass = 30\ninertia = [\"9*u^2\", \"9*u^2\", \"2*u^2\"]\nposition = "
         "[\"0.5*u\", 0, \"u\"]\n[joints.low]\ntype = \"revolute\"\nbodies = [\"ground\", \"door\"]\nat = [0, 0, "
-        "\"0.5*u\"]\naxis = [0, 0, 1]\n[joints.high]\ntype = \"revolute\"\nbodies = [\"ground\", \"door\"]\nat = [0, 0, "
+        "\"0.5*u\"]\naxis = [0, 0, 1]\n[joints.high]\ntype = \"revolute\"\nbodies = [\"ground\", \"door\"]\nat = [0, "
+        "0, "
         "\"1.5*u\"]\naxis = [0, 0, 1]\n[integrator]\nend = 1e-3\n");
     EXPECT_EQ(s.summary().redundant.size(), 5U);
     EXPECT_NEAR(std::abs(s.value("low.force.z")), 150 * unit, 1e-5 * unit);

@@ -187,8 +187,8 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
   std::vector<double> sizes;
-  std::vector<DependentRow> rows = find_dependent_rows(
-      equations_.system().constraint_pattern(), scaled_rows(t, q, sizes), options_.tolerance, kMostPartners);
+  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(),
+                                                       scaled_rows(t, q, sizes), options_.tolerance, kMostPartners);
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }
@@ -274,8 +274,8 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
   }
 }
 
-// With rows and multipliers scaled to mu_i = s_i lambda_i, Phi_q^T n = 0 for n = e_row - sum weight e_partner of each row
-// left out: mu + N y with the least length.
+// With rows and multipliers scaled to mu_i = s_i lambda_i, Phi_q^T n = 0 for n = e_row - sum weight e_partner of each
+// row left out: mu + N y with the least length.
 void RedundancyGuard::share_reactions(State& state) {
   constexpr std::size_t kMostLeftOut = 200, kMostRows = 3000;
   constexpr double kDependent = 1e-6;  // looser than for the decision: joints do not hold exactly

@@ -84,7 +84,8 @@ class Search {
   void settle() {
     for (std::size_t i = 1; i + 1 < samples_.size(); ++i)
       for (std::size_t k = 0; k < samples_[i].sides.size(); ++k)
-        if (double& side = samples_[i].sides[k]; on_switch(samples_[i].values[k], side) && is_next(side, samples_[i - 1].sides[k]))
+        if (double& side = samples_[i].sides[k];
+            on_switch(samples_[i].values[k], side) && is_next(side, samples_[i - 1].sides[k]))
           side = samples_[i - 1].sides[k];
   }
 

@@ -204,7 +204,8 @@ void refuse(double change, double allowed, const char* what) {
 
 std::vector<char> length_coordinates(const System& system, ConstSpan q) {
   // An angle's magnitude is 1 whatever the configuration.
-  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity)), other = sizes, moved(q.begin(), q.end());
+  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity)), other = sizes,
+                                                                                moved(q.begin(), q.end());
   for (double& x : moved) x *= 1.01;
   system.magnitude(q, sizes);
   system.magnitude(moved, other);

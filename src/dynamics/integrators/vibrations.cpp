@@ -94,7 +94,8 @@ SparseMatrix magnitudes(SparseMatrix a) {
 SparseMatrix skew_part(const SparseMatrix& a) {
   constexpr double kRounding = 1e-11;
   const auto entry = [&](Index i, Index j) {
-    const auto first = a.row_ind.begin() + a.col_ptr[vibration_at(j)], end = a.row_ind.begin() + a.col_ptr[vibration_at(j) + 1];
+    const auto first = a.row_ind.begin() + a.col_ptr[vibration_at(j)],
+               end = a.row_ind.begin() + a.col_ptr[vibration_at(j) + 1];
     const auto found = std::lower_bound(first, end, i);
     return found != end && *found == i ? a.values[static_cast<std::size_t>(found - a.row_ind.begin())] : 0.0;
   };

@@ -87,8 +87,7 @@ std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q
     if (body.mesh->type(e) != ElementType::hex8) continue;
     const auto nodes = body.mesh->element(e);
     const double* now = q.data() + body.flexible->placement().q;
-    least = std::min(least,
-                     least_stretch(places(nodes, body.flexible->reference().data()), places(nodes, now)));
+    least = std::min(least, least_stretch(places(nodes, body.flexible->reference().data()), places(nodes, now)));
   }
   if (!(least < kStable)) return std::nullopt;
   return fmt::format(

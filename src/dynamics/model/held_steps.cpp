@@ -4,44 +4,41 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace espalier::dynamics::model {
 
 void HeldSteps::step(const State& s) {
-  constexpr double kFewest = 4, kMost = 400;  // steps of a period
-  const double h = s.t - last_.t;
-  if (!(h > 0) || s.a.empty() || last_.a.size() != s.a.size()) return begin(s);
-  std::size_t most = 0;
-  for (std::size_t i = 1; i < s.a.size(); ++i)
-    if (std::abs(s.a[i] - last_.a[i]) > std::abs(s.a[most] - last_.a[most])) most = i;
-  const double change = std::abs(s.a[most] - last_.a[most]),
-               bent = std::abs(s.v[most] - last_.v[most] - 0.5 * h * (s.a[most] + last_.a[most]));
-  const double frequency = change > 0 ? 12 * bent / (h * h * change) / (2 * std::numbers::pi) : 0;
-  ++steps_;
-  for (const double v : s.v) fastest_ = std::max(fastest_, std::abs(v));
-  if (frequency * h * kMost > 1 && frequency * h * kFewest < 1) {
-    ++held_;
-    time_ += h;
-    log_frequency_ += std::log(frequency);
-    log_square_ += std::log(frequency) * std::log(frequency);
+  if (last_.size() != s.a.size()) return begin(s);
+  coordinates_.resize(s.a.size());
+  for (std::size_t i = 0; i < s.a.size(); ++i) {
+    Coordinate& c = coordinates_[i];
+    const double change = s.a[i] - last_[i];
+    if (change != 0 && (change > 0) != c.rises) {
+      c.rises = change > 0;
+      ++c.turns;
+    }
+    c.way += std::abs(change);
+    fastest_ = std::max(fastest_, std::abs(s.v[i]));
   }
-  last_ = s;
+  ++steps_;
+  duration_ += s.t - time_;
+  begin(s);
 }
 
 std::optional<std::string> HeldSteps::notice() const {
-  constexpr long kMany = 3000;
-  constexpr double kPart = 0.7, kOne = 1.5, kPeriods = 200;
-  if (held_ < kMany || static_cast<double>(held_) < kPart * static_cast<double>(steps_)) return std::nullopt;
-  const auto count = static_cast<double>(held_);
-  const double mean = log_frequency_ / count, spread = std::sqrt(std::max(0.0, log_square_ / count - mean * mean));
-  const double frequency = std::exp(mean);
-  if (spread > kOne || frequency * time_ < kPeriods) return std::nullopt;
+  constexpr long kManySteps = 3000, kManyTurns = 400;
+  constexpr double kFewest = 4, kMost = 100;  // steps of a period
+  if (steps_ < kManySteps) return std::nullopt;
+  const auto c = std::max_element(coordinates_.begin(), coordinates_.end(),
+                                  [](const Coordinate& a, const Coordinate& b) { return a.way < b.way; });
+  if (c == coordinates_.end() || c->turns < kManyTurns) return std::nullopt;
+  const double periods = 0.5 * static_cast<double>(c->turns), each = static_cast<double>(steps_) / periods;
+  if (each < kFewest || each > kMost) return std::nullopt;
   return fmt::format(
-      "{} of {} steps follow a vibration of about {:.2g} per unit of time, with {:.0f} steps a period: where it does "
-      "not matter, set [integrator] max_order = 2 and absolute_velocity = {:.1g} (what may be lost of speeds, which "
-      "reach {:.2g}), or give it damping",
-      held_, steps_, frequency, count / (frequency * time_), 0.01 * fastest_, fastest_);
+      "the {} steps follow a vibration of about {:.2g} per unit of time, with {:.0f} steps a period: where it does not "
+      "matter, set [integrator] max_order = 2 and absolute_velocity = {:.1g} (what may be lost of speeds, which reach "
+      "{:.2g}), or give it damping",
+      steps_, periods / duration_, each, 0.01 * fastest_, fastest_);
 }
 
 }  // namespace espalier::dynamics::model
