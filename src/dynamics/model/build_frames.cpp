@@ -147,7 +147,7 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
   if (body == nullptr) unknown_body(m.body, m.place);
   std::unique_ptr<Frame> frame;
   at_place(m.place, [&] {
-    if (body->flexible != nullptr && m.attach == Attach::rigid) {
+    if (body->flexible != nullptr && body->reduced == nullptr && m.attach == Attach::rigid) {
       frame = make_rigid(m, *body);
     } else if (body->flexible != nullptr) {
       std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
