@@ -278,6 +278,12 @@ class Search {
     return {b_.n(), 0};
   }
 
+  /// What rounding has added to null vectors in other directions.
+  void clean(Block& x, bool transpose) const {
+    const Block y = b_.inverse(b_.product(x, transpose), transpose);
+    for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
+  }
+
   /// What op(B) makes of (B + E)^-1 E, where E stands in these rows (of op(B)).
   struct Reduced {
     Block z{0, 0};      // the columns of (B + E)^-1 E, of length 1
@@ -670,12 +676,14 @@ namespace {
 void describe_all(const DeficiencyJob& job, const Search& search, double work, Block null, Block left,
                   Deficiency& found) {
   found.by_pivots = work > static_cast<double>(kMostWork);
-  const auto make_orthonormal = [&](Block& x) {
+  const auto make_orthonormal = [&](Block& x, bool transpose) {
     (void)normalize(job.pool, x);
-    if (!found.by_pivots) orthonormalize(job.pool, x);
+    if (found.by_pivots || x.columns == 0) return;
+    orthonormalize(job.pool, x);
+    if (!found.reduced) search.clean(x, transpose);
   };
-  make_orthonormal(null);
-  make_orthonormal(left);
+  make_orthonormal(null, false);
+  make_orthonormal(left, true);
   const auto describe_as = [&](const auto& basis) {
     if (!found.by_pivots) return describe(search.matrix(), basis(null), basis(left), found);
     found.null_vectors = callers_vectors(search.matrix(), basis(null), false);
