@@ -17,9 +17,9 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr Index kFirstColumns = 8;     // a substitution takes as many in the time of one
-constexpr Index kMostColumns = 256;    // sought at most ...
-constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
+constexpr Index kFirstColumns = 8;  // a substitution takes as many in the time of one
+constexpr Index kMostColumns = kMostZerosSought;
+constexpr Offset kMostWork = 1 << 28;  // of rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
 constexpr std::int64_t kFactorColumns = 4096, kRowsPerRange = 1 << 15;
 

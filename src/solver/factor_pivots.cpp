@@ -36,7 +36,11 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
     switch (policy.next(static_cast<Index>(movable.size()), solves)) {
       case PivotPolicy::Step::stop:
         complete(outcome);
-        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) break;
+        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) {
+          // A search finds no more zeros, and takes minutes.
+          gave_up_ = analysis_->system->unknowns(outcome.replaced.size()) > kMostZerosSought;
+          break;
+        }
         return outcome;
       case PivotPolicy::Step::move: {
         const bool near = policy.near(outcome.halted) && (outcome.halted || !search_is_short());
