@@ -309,7 +309,7 @@ class Search {
   }
   /// Null vectors of op(B) among them. @returns nothing where zeros and others are not far apart
   [[nodiscard]] std::optional<Block> null_columns(const Reduced& r, bool transpose) const {
-    constexpr double kGap = 1e3;
+    constexpr double kGap = 16;
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(r.m);
     const auto sizes = qr.matrixR().diagonal().cwiseAbs();
     const auto rank = static_cast<Index>((sizes.array() > zero_).count());
