@@ -17,9 +17,9 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr Index kFirstColumns = 8;     // a substitution takes as many in the time of one
-constexpr Index kMostColumns = 256;    // sought at most ...
-constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
+constexpr Index kFirstColumns = 8;  // a substitution takes as many in the time of one
+constexpr Index kMostColumns = kMostZerosSought;
+constexpr Offset kMostWork = 1 << 28;  // of rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
 constexpr std::int64_t kFactorColumns = 4096, kRowsPerRange = 1 << 15;
 
@@ -278,6 +278,12 @@ class Search {
     return {b_.n(), 0};
   }
 
+  /// What rounding has added to null vectors in other directions.
+  void clean(Block& x, bool transpose) const {
+    const Block y = b_.inverse(b_.product(x, transpose), transpose);
+    for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
+  }
+
   /// What op(B) makes of (B + E)^-1 E, where E stands in these rows (of op(B)).
   struct Reduced {
     Block z{0, 0};      // the columns of (B + E)^-1 E, of length 1
@@ -303,7 +309,7 @@ class Search {
   }
   /// Null vectors of op(B) among them. @returns nothing where zeros and others are not far apart
   [[nodiscard]] std::optional<Block> null_columns(const Reduced& r, bool transpose) const {
-    constexpr double kGap = 1e3;
+    constexpr double kGap = 16;
     const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(r.m);
     const auto sizes = qr.matrixR().diagonal().cwiseAbs();
     const auto rank = static_cast<Index>((sizes.array() > zero_).count());
@@ -670,12 +676,14 @@ namespace {
 void describe_all(const DeficiencyJob& job, const Search& search, double work, Block null, Block left,
                   Deficiency& found) {
   found.by_pivots = work > static_cast<double>(kMostWork);
-  const auto make_orthonormal = [&](Block& x) {
+  const auto make_orthonormal = [&](Block& x, bool transpose) {
     (void)normalize(job.pool, x);
-    if (!found.by_pivots) orthonormalize(job.pool, x);
+    if (found.by_pivots || x.columns == 0) return;
+    orthonormalize(job.pool, x);
+    if (!found.reduced) search.clean(x, transpose);
   };
-  make_orthonormal(null);
-  make_orthonormal(left);
+  make_orthonormal(null, false);
+  make_orthonormal(left, true);
   const auto describe_as = [&](const auto& basis) {
     if (!found.by_pivots) return describe(search.matrix(), basis(null), basis(left), found);
     found.null_vectors = callers_vectors(search.matrix(), basis(null), false);

@@ -48,6 +48,9 @@ struct Deficiency {
   bool reduced = false;              ///< `negative` is that of the whole matrix
 };
 
+/// A search finds no more zeros.
+constexpr Index kMostZerosSought = 256;
+
 struct DeficiencyJob {
   const PreparedMatrix& prepared;
   std::span<const double> values;  ///< of prepared.a

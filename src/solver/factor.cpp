@@ -30,7 +30,8 @@ Status no_place(std::size_t replaced, bool matching) {
           fmt::format("pivots fail nearly everywhere in this order, {} had to be replaced: this factor gives neither "
                       "solutions nor a rank; {}",
                       replaced,
-                      matching ? "analyze with the values to be factorized, or scale the matrix"
+                      matching ? "analyze with the values to be factorized, scale the matrix, or use kind ldlt where "
+                                 "it is symmetric"
                                : "turn matching on, which brings large entries to the diagonal"),
           -1};
 }
@@ -167,6 +168,8 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (lost_to_scaling(outcome)) {
     context_.log("pivots vanish in the scaling of the analysis, in a scaling of their own the values are regular");
     context_.rescaled = true;
+    gave_up_ = false;
+    parts_ = true;
     again(outcome);
     outcome = settle_pivots(std::move(outcome));
   }
@@ -290,6 +293,7 @@ bool Factor::needs_fp64(device::FactorOutcome& outcome) {
 bool Factor::lost_to_scaling(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given() || context_.rescales() || analysis_->kind() == Kind::llt)
     return false;
+  if (gave_up_) return true;
   const Deficiency& found = judge(outcome);
   return found.zeros < analysis_->system->unknowns(outcome.replaced.size()) && !(found.reduced && found.zeros > 0);
 }

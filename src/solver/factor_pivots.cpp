@@ -36,14 +36,21 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
     switch (policy.next(static_cast<Index>(movable.size()), solves)) {
       case PivotPolicy::Step::stop:
         complete(outcome);
-        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) break;
+        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) {
+          // A search finds no more zeros, and takes minutes.
+          gave_up_ = analysis_->system->unknowns(outcome.replaced.size()) > kMostZerosSought;
+          break;
+        }
         return outcome;
       case PivotPolicy::Step::move: {
         const bool near = policy.near(outcome.halted) && (outcome.halted || !search_is_short());
         const Moved moved = move_pivots(movable, near);
-        if (moved == Moved::nowhere) halts_ = parts_ = false;
+        if (moved == Moved::nowhere) halts_ = false;
         again(outcome);
-        if (moved == Moved::nowhere) return outcome;
+        if (moved == Moved::nowhere) {
+          gave_up_ = outcome.replaced.empty() || !proves_zeros(outcome);
+          return outcome;
+        }
         if (moved == Moved::searched) policy.note_search();
         break;
       }

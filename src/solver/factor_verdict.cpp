@@ -133,7 +133,7 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
 
 // Of columns that vanish for want of rows that others have taken.
 std::optional<Deficiency> Factor::zeros_among(const device::FactorOutcome& outcome) {
-  if (outcome.replaced.empty() || !unstable_pivots(outcome).empty()) return {};
+  if (outcome.replaced.empty()) return {};
   const std::vector<Index> columns = columns_of(*analysis_, outcome.replaced);
   const bool lu = analysis_->kind() == Kind::lu;
   const std::vector<Index> rows = lu ? rows_of(*analysis_, outcome.replaced_rows) : columns;
