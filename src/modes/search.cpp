@@ -262,7 +262,7 @@ std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<doubl
   // OP has made the part in the direction of known modes next to the shift much larger: rounding leaves some of it.
   for (int pass = 0; pass < 2; ++pass) {
     harvest_.project_out(shop_.pool, op_.b, batch, image);
-    if (pass == 0) orthonormalize(shop_.pool, op_.b, batch, image);
+    orthonormalize(shop_.pool, op_.b, batch, image);
   }
   std::vector<char> good(static_cast<std::size_t>(count), 0);
   Tall mass_image(n, image.columns(), &shop_.budget);
