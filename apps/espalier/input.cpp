@@ -129,16 +129,25 @@ ComplexColumns read_complex_columns(const std::string& path, Index rows, base::T
 
 namespace {
 
+// Of a word from a file, which may be of any length and hold any bytes.
+std::string shown(std::string_view word) {
+  constexpr std::size_t kMost = 40;
+  std::string text(word.substr(0, kMost));
+  std::replace_if(
+      text.begin(), text.end(), [](char c) { return c < ' ' || c > '~'; }, '?');
+  return word.size() > kMost ? text + "..." : text;
+}
+
 Index number_in_list(std::string_view word, Index n) {
   std::int64_t value = 0;
   const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
   if (error != std::errc{} || end != word.data() + word.size())
-    throw Error(
-        StatusCode::invalid_input,
-        fmt::format("'{}' in the list of unknowns is no index: give numbers from 0, or ranges such as 10-20", word));
+    throw Error(StatusCode::invalid_input,
+                fmt::format("'{}' in the list of unknowns is no index: give numbers from 0, or ranges such as 10-20",
+                            shown(word)));
   if (value < 0 || value >= n)
     throw Error(StatusCode::invalid_input,
-                fmt::format("'{}' in the list is none of the {} unknowns, which are counted from 0", word, n));
+                fmt::format("'{}' in the list is none of the {} unknowns, which are counted from 0", shown(word), n));
   return static_cast<Index>(value);
 }
 
@@ -162,7 +171,7 @@ std::vector<Index> parse_unknowns(std::string text, Index n) {
     const Index first = number_in_list(std::string_view(word).substr(0, dash), n);
     const Index last = number_in_list(std::string_view(word).substr(dash + 1), n);
     if (last < first)
-      throw Error(StatusCode::invalid_input, fmt::format("the range {} in the list of unknowns falls", word));
+      throw Error(StatusCode::invalid_input, fmt::format("the range {} in the list of unknowns falls", shown(word)));
     for (Index v = first; v <= last; ++v) list.push_back(v);
     check_length();
   }

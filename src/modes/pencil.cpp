@@ -173,7 +173,13 @@ Shifted Pencil::factorize(double shift) {
     return {analysis_.status, 0, false};
   }
   if (!analysis_.status.ok()) throw Error(analysis_.status);
-  const FactorResult r = solver_.refactorize(pattern_.values);
+  FactorResult r = solver_.refactorize(pattern_.values);
+  if (r.status.code == StatusCode::invalid_input) {  // so far from the first shift that its scaling does not serve
+    analysis_ = solver_.analyze(pattern_);
+    analysis_seconds += analysis_.seconds;
+    if (!analysis_.status.ok()) throw Error(analysis_.status);
+    r = solver_.refactorize(pattern_.values);
+  }
   ++factorizations;
   factor_seconds += r.seconds;
   factor_peak_bytes = std::max(factor_peak_bytes, r.peak_host_bytes);

@@ -20,7 +20,7 @@ constexpr Index kAtATime = 100;
 constexpr Index kSolvedColumns = 32;  // that are multiplied and solved for at a time in the end
 // Residuals |K x - l M x| above these are those of no mode: relative to what the sum is made of, and to rounding of the
 // largest entries. What is far from the shift may be a mixture of modes, small beside the norm of K and yet none.
-constexpr double kNoMode = 1e-4, kOfRounding = 1e2 * std::numeric_limits<double>::epsilon();
+constexpr double kNoMode = 1e-6, kOfRounding = 1e2 * std::numeric_limits<double>::epsilon();
 
 }  // namespace
 
@@ -262,7 +262,7 @@ std::vector<char> Search::purify(Tall& batch, double rounding, std::vector<doubl
   // OP has made the part in the direction of known modes next to the shift much larger: rounding leaves some of it.
   for (int pass = 0; pass < 2; ++pass) {
     harvest_.project_out(shop_.pool, op_.b, batch, image);
-    if (pass == 0) orthonormalize(shop_.pool, op_.b, batch, image);
+    orthonormalize(shop_.pool, op_.b, batch, image);
   }
   std::vector<char> good(static_cast<std::size_t>(count), 0);
   Tall mass_image(n, image.columns(), &shop_.budget);

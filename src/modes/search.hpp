@@ -29,6 +29,7 @@ class Search {
   void measure();
   [[nodiscard]] double first_shift() const;
   void refuse_count();
+  double count_below_zero();
   void choose_first();
   void count_below_bound();
   bool choose_next();

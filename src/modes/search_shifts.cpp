@@ -42,14 +42,29 @@ double Search::first_shift() const {
   return std::isnan(options_.shift) ? -unit_ : options_.shift;
 }
 
+// Below zero, or the bound. Where parts of K are larger than a typical one by many decades, so small a shift is
+// rounding of theirs, and K - s M is singular: then it stands farther away. @return the number
+double Search::count_below_zero() {
+  constexpr double kFarther = 1e3;
+  for (;;) {
+    double s = -unit_;
+    if (!std::isinf(options_.below) && options_.below < s) s = options_.below - 10 * std::abs(options_.below);
+    try {
+      below_shift_ = count_at(s, true);
+      return s;
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::singular || kFarther * unit_ > largest_) throw;
+    }
+    unit_ *= kFarther;
+  }
+}
+
 void Search::choose_first() {
   double s = options_.shift;
   if (!std::isnan(s)) {
     below_shift_ = count_at(s, false);
   } else {
-    s = -unit_;
-    if (!std::isinf(options_.below) && options_.below < s) s = options_.below - 10 * std::abs(options_.below);
-    below_shift_ = count_at(s, true);
+    s = count_below_zero();
   }
   // Far more below it than are wanted: these are the wrong ones.
   for (double step = 10 * std::max(unit_, std::abs(s)); below_shift_ > wanted_ + 8; step *= 10) {
@@ -179,7 +194,7 @@ bool Search::choose_next() {
   if (!accounts_for({shift_, below_shift_})) {
     if (below_shift_ - harvest_.below(shift_) > block_ && count_before_wanted()) return true;
     if (news_ && attempts_ < kAttempts) return true;  // once more, with other random vectors
-    return choose_below();
+    return count_before_wanted() || choose_below();
   }
   double s = harvest_.size() >= wanted_ ? gap_after_wanted() : beyond_found();
   if (std::isnan(s)) {  // the last one wanted is one of several: they are counted from below, or sought to their end
