@@ -146,8 +146,7 @@ position = [1, 0, 0]
 end = 0.01
 [joints.j]
 )";
-  const std::string pair = "bodies = [\"one\", \"two\"]\nat = [0.5, 0, 0]\n";
-  const std::string about = pair + "axis = [0, 0, 1]\n";
+  const std::string pair = "bodies = [\"one\", \"two\"]\nat = [0.5, 0, 0]\naxis = [0, 0, 1]\n";
   const std::string apart = "a = { body = \"one\", axis = [0, 0, 1] }\nb = { body = \"two\" }\n";
   const std::string four =
       "a = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = \"one\" }\nc = { body = \"ground\", axis = [0, 0, 1] "
@@ -158,13 +157,13 @@ end = 0.01
   };
   const std::vector<Case> cases = {
       {"fixed", pair, 6},
-      {"revolute", about, 7},
+      {"revolute", pair, 7},
       {"spherical", pair, 9},
-      {"universal", about, 8},
-      {"cylindrical", about, 8},
-      {"prismatic", about, 7},
-      {"planar", about, 9},
-      {"point-on-line", about, 10},
+      {"universal", pair, 8},
+      {"cylindrical", pair, 8},
+      {"prismatic", pair, 7},
+      {"planar", pair, 9},
+      {"point-on-line", pair, 10},
       {"distance", apart, 11},
       {"revolute-spherical", apart, 10},
       {"rotation-motor", apart + "motion = \"t\"\n", 11},

@@ -248,7 +248,7 @@ ForwardSensitivity::Change ForwardSensitivity::pass(Side& side, const SidePast p
 }
 
 double ForwardSensitivity::relative(const Side& side, const Change& change) {
-  constexpr double kOfNothing = 0.01;  // changes that are rounding
+  constexpr double kOfNothing = 0.004;  // changes that are rounding
   const auto over = [](double x, double size, double nothing) {
     return x <= kOfNothing * nothing ? 0 : x / std::max(size, nothing);
   };

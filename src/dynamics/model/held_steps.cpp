@@ -26,8 +26,8 @@ void HeldSteps::step(const State& s) {
 }
 
 std::optional<std::string> HeldSteps::notice() const {
-  constexpr long kManySteps = 3000, kManyTurns = 400;
-  constexpr double kFewest = 4, kMost = 100;  // steps of a period
+  constexpr long kManySteps = 3000, kManyTurns = 200;
+  constexpr double kFewest = 2.5, kMost = 1000;  // steps of a period
   if (steps_ < kManySteps) return std::nullopt;
   const auto c = std::max_element(coordinates_.begin(), coordinates_.end(),
                                   [](const Coordinate& a, const Coordinate& b) { return a.way < b.way; });
