@@ -84,7 +84,16 @@ SparseMatrix saddle_point(const SaddleShape& shape) {
   }
   std::sort(triples.begin(), triples.end(),
             [](const Triple& s, const Triple& t) { return std::pair(s.col, s.row) < std::pair(t.col, t.row); });
-  return from_triples(n, triples, Storage::symmetric_lower);
+  // Some interfaces refuse entries that stand twice.
+  std::vector<Triple> once;
+  for (const Triple& t : triples) {
+    const bool again = !once.empty() && once.back().row == t.row && once.back().col == t.col;
+    if (again)
+      once.back().value += t.value;
+    else
+      once.push_back(t);
+  }
+  return from_triples(n, once, Storage::symmetric_lower);
 }
 
 SparseMatrix in_units(SparseMatrix a, int exponent) {
