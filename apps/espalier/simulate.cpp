@@ -198,6 +198,7 @@ int SimulateCommand::differentiate() {
     return exit_code(r.status.code);
   }
   if (!quiet) print_result("{}", sensitivity_summary(r));
+  for (const std::string& notice : r.summary.notices) print_note("espalier: notice: {}\n", notice);
   if (r.summary.interrupted) print_note("espalier: stopped at t = {:g}\n", r.summary.t_end);
   if (!csv.empty()) {
     std::ofstream file(csv);

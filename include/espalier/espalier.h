@@ -240,12 +240,13 @@ int espalier_solve_device(espalier_solver* solver, const double* b, double* x, i
 int espalier_set_refinement(espalier_solver* solver, int32_t steps, double required_backward_error);
 /**
  * What the last factorization found of a singular matrix: rows that depend on the others, and vectors v with A v = 0 to
- * rounding, whose largest entry is 1. Ask after ESPALIER_SINGULAR, or with the option "singular" set to "report".
+ * rounding, whose largest entry is 1. Ask after ESPALIER_SINGULAR, or with the option "singular" set to "report" or
+ * "null_vectors".
  * @param capacity  rows and vectors that the caller has room for
- * @param rows      `capacity` indices from 0 on, ascending; NULL: not wanted
+ * @param rows      `capacity` indices from 0 on, ascending, of which n - rank are written, or all; NULL: not wanted
  * @param vectors   `capacity` times as many values as A has rows, one vector after another; NULL: not wanted
- * @param found     how many there are, 0 for a regular matrix; of more than `capacity` the first are handed out. Where
- *                  more than some hundred zeros were met it may be less than rows - rank.
+ * @param found     how many there are, 0 for a regular matrix; of more than `capacity` the first are handed out. With
+ *                  "report" it may be less than rows - rank where zeros are many.
  */
 int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows, double* vectors, int64_t* found);
 /** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */

@@ -34,6 +34,7 @@ enum class SingularMatrix {
   /// Status ok, rank below n, inertia, rows, null vectors where they are few, and a factor that solves consistent
   /// systems. Structurally singular matrices are analyzed as well.
   report,
+  null_vectors,  ///< a report with all null vectors, however many they are and long it takes
 };
 
 /// Which scaling a factorization of ldlt or lu takes. llt needs none.
@@ -186,8 +187,9 @@ struct FactorReport {
 struct FactorResult : FactorReport {
   double determinant_sign = 0;  ///< -1, 0 or 1
   /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest 1
-  /// in magnitude. Fewer, or none, where they would take far longer than the factorization (more than eight, and
-  /// n (n - rank)^2 above 4e6 and a sixteenth of its operations), or a factor gives no finite numbers.
+  /// in magnitude. Fewer, or none, where they would take far longer than the factorization and were not asked for
+  /// (more than eight, and n (n - rank)^2 above 4e6 and a sixteenth of its operations), or a factor gives no finite
+  /// numbers.
   std::vector<double> null_vectors;
   /// lu: vectors w with A^T w = 0, likewise. Empty for a symmetric matrix, where they are the same.
   std::vector<double> left_null_vectors;

@@ -56,7 +56,7 @@ class Change(_Table):
 @dataclass(frozen=True)
 class Factor(_Table):
     """Of a factorization. `null_vectors`: (n - rank, n) float64 (complex128), rows v with A v = 0, the largest number of each 1 in
-    magnitude, or None for a regular matrix; `left_null_vectors`: likewise w with A^T w = 0, of a Hermitian matrix the conjugates;
+    magnitude, or None for a regular matrix (and where they are many, unless `singular="null_vectors"` asks for them); `left_null_vectors`: likewise w with A^T w = 0, of a Hermitian matrix the conjugates;
     `determinant_sign` of a complex matrix is the phase of the determinant; nan where it is not known (on GPUs, but for
     Hermitian matrices)."""
 

@@ -12,7 +12,7 @@ namespace {
 constexpr int kSweeps = 3;
 // Where the maxima of the last sweep were still further apart than that, more follow: 2^2000 needs ten.
 constexpr int kMostSweeps = 14;
-constexpr double kFar = 0x1p32;
+constexpr double kTooFar = 0x1p32;
 constexpr double kMostScale = 0x1p1000;
 
 void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector<double>& c, std::vector<double>& rows,
@@ -39,7 +39,7 @@ void divide_by_root(std::vector<double>& scale, const std::vector<double>& most)
 }
 
 bool any_far(const std::vector<double>& most) {
-  return std::any_of(most.begin(), most.end(), [](double m) { return m > kFar || (m < 1 / kFar && m > 0); });
+  return std::any_of(most.begin(), most.end(), [](double m) { return m > kTooFar || (m < 1 / kTooFar && m > 0); });
 }
 
 void round_to_powers_of_two(std::vector<double>& scale) {

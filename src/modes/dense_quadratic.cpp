@@ -241,4 +241,28 @@ DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, 
   return out;
 }
 
+double polish_quadratic_pair(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, Complex& l, VectorXcd& x) {
+  constexpr int kMostPasses = 5;
+  constexpr double kEnough = 4 * kQuadraticEpsilon;
+  const Complex begin = l;
+  double before = 1;
+  for (int pass = 0; pass < kMostPasses; ++pass) {
+    const double a = std::abs(l);
+    const VectorXd e = (k.diagonal().cwiseAbs() + a * c.diagonal().cwiseAbs() + a * a * m.diagonal().cwiseAbs())
+                           .unaryExpr([](double y) { return y > 0 ? 1 / std::sqrt(y) : 1.0; });
+    const MatrixXcd q = e.asDiagonal() * (k.cast<Complex>() + l * c + l * l * m) * e.asDiagonal();
+    const VectorXcd z = x.cwiseQuotient(e.cast<Complex>());
+    const VectorXcd slope = e.cast<Complex>().asDiagonal() * (c * x + 2.0 * l * (m * x));
+    const VectorXcd w = Eigen::PartialPivLU<MatrixXcd>(q).solve(slope);
+    const Complex step = z.squaredNorm() / z.dot(w);
+    const double change = std::abs(step) / std::max(a, kTiny);
+    if (!std::isfinite(change) || !w.allFinite() || change > before) break;
+    before = change;
+    l -= step;
+    x = e.cast<Complex>().cwiseProduct(w).normalized();
+    if (change < kEnough) break;
+  }
+  return std::abs(l - begin) / std::max(std::abs(begin), kTiny);
+}
+
 }  // namespace espalier::modes

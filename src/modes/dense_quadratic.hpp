@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Dense>
+#include <complex>
 
 namespace espalier::modes {
 
@@ -20,5 +21,11 @@ struct DenseQuadraticModes {
 /// @throws Error: singular where the shift is an eigenvalue or the problem is singular everywhere
 DenseQuadraticModes dense_quadratic_modes(const Eigen::MatrixXd& k, const Eigen::MatrixXd& c, const Eigen::MatrixXd& m,
                                           double shift);
+
+/// Makes an approximate pair as exact as rows and unknowns of its own size allow, by Newton's method for (l, x) with
+/// x_0^H x = 1 (A. Neumaier, SIAM J. Numer. Anal. 22, 1985), in rows and columns scaled by the diagonal of Q(l): what
+/// lies far above l in the spectrum then leaves no rounding in it. @return by how much l has changed, in parts
+double polish_quadratic_pair(const Eigen::MatrixXd& k, const Eigen::MatrixXd& c, const Eigen::MatrixXd& m,
+                             std::complex<double>& l, Eigen::VectorXcd& x);
 
 }  // namespace espalier::modes

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -128,40 +129,45 @@ class ShiftedPencil {
   MatrixXd k_, m_, l_;
 };
 
-/// What some shifts have found, each eigenvalue by the one that gives it best.
+/// What some shifts have found, each group of near eigenvalues by the one that gives it best: the directions of modes
+/// that share a frequency are those of one shift.
 class Spectrum {
  public:
   explicit Spectrum(const ShiftedPencil& pencil) : pencil_(pencil) {
     const Eigen::Index count = pencil.finite();
     values_ = errors_ = VectorXd::Constant(count, std::numeric_limits<double>::infinity());
-    vectors_ = MatrixXd::Zero(pencil.rows(), count);
   }
 
-  /// Down to the lowest eigenvalues that are more than rounding.
+  /// Down to the lowest eigenvalues that are more than rounding, also of the entries: below that every shift is as good
+  /// as zero, and its factors are those of a singular matrix.
   void descend() {
-    constexpr double kResolved = 1e3, kNear = 1e-2;
+    constexpr double kResolved = 1e3, kNear = 1e-2, kBeyondEntries = 10;
     double distance = pencil_.largest();
     for (bool lower = true; lower;) {
       look(-distance);
       double least = distance;
-      for (Eigen::Index i = 0; i < values_.size(); ++i)
-        if (const double size = std::abs(values_[i]); size > kResolved * errors_[i]) least = std::min(least, size);
+      const ShiftedPencil::Slice& s = slices_.back();
+      const MatrixXd x = pencil_.shapes(s.vectors);
+      for (Eigen::Index i = 0; i < values_.size(); ++i) {
+        const double size = std::abs(s.eigenvalues[i]);
+        if (size < least && size > kResolved * s.errors[i] && size > kBeyondEntries * pencil_.entry_rounding(x.col(i)))
+          least = size;
+      }
       lower = least < kNear * distance;
       distance = least;
     }
+    noise_ = distance / 2;
   }
 
   /// Up again, until `count` are as good as they can be.
   void ascend(Eigen::Index count) {
     constexpr double kGood = 1e-12;
-    for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i) {
-      if (values_[i] <= 0 || errors_[i] <= kGood * values_[i]) continue;
-      look(gap_near(i));
-    }
+    for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i)
+      if (values_[i] > noise_ && errors_[i] > kGood * values_[i]) look(gap_near(i));
   }
 
   [[nodiscard]] DenseModes modes() const {
-    DenseModes out{values_, pencil_.shapes(vectors_), errors_};
+    DenseModes out{values_, pencil_.shapes(orthonormal(gathered())), errors_};
     for (Eigen::Index i = 0; i < values_.size(); ++i)
       out.rounding[i] = std::max(errors_[i], pencil_.entry_rounding(out.vectors.col(i)));
     return out;
@@ -177,8 +183,40 @@ class Spectrum {
       if (!(s.errors[i] < errors_[i])) continue;
       values_[i] = s.eigenvalues[i];
       errors_[i] = s.errors[i];
-      vectors_.col(i) = s.vectors.col(i);
     }
+    slices_.push_back(std::move(s));
+  }
+
+  /// Columns by number, of each group from the shift whose largest error in it is least.
+  [[nodiscard]] MatrixXd gathered() const {
+    constexpr double kTogether = 1e-3;
+    MatrixXd vectors = MatrixXd::Zero(pencil_.rows(), values_.size());
+    for (Eigen::Index first = 0, end = 0; first < values_.size(); first = end) {
+      for (end = first + 1; end < values_.size(); ++end) {
+        const double gap = values_[end] - values_[end - 1],
+                     size = std::max(std::abs(values_[end]), std::abs(values_[end - 1]));
+        if (gap > kTogether * size && gap > 10 * (errors_[end] + errors_[end - 1])) break;
+      }
+      const auto error = [&](const ShiftedPencil::Slice& s) { return s.errors.segment(first, end - first).maxCoeff(); };
+      const auto best = std::min_element(slices_.begin(), slices_.end(),
+                                         [&](const auto& a, const auto& b) { return error(a) < error(b); });
+      vectors.middleCols(first, end - first) = best->vectors.middleCols(first, end - first);
+    }
+    return vectors;
+  }
+
+  /// Orthogonal to each other also across shifts; those that are known best, in parts of themselves, stay.
+  [[nodiscard]] MatrixXd orthonormal(const MatrixXd& vectors) const {
+    std::vector<Eigen::Index> order(static_cast<std::size_t>(values_.size()));
+    std::iota(order.begin(), order.end(), Eigen::Index{0});
+    const auto part = [&](Eigen::Index i) { return errors_[i] / std::max(std::abs(values_[i]), 1e-300); };
+    std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return part(a) < part(b); });
+    const Eigen::HouseholderQR<MatrixXd> qr(vectors(Eigen::all, order));
+    const MatrixXd q = qr.householderQ() * MatrixXd::Identity(vectors.rows(), vectors.cols());
+    MatrixXd out(vectors.rows(), vectors.cols());
+    for (Eigen::Index j = 0; j < out.cols(); ++j)
+      out.col(order[static_cast<std::size_t>(j)]) = (qr.matrixQR()(j, j) < 0 ? -1.0 : 1.0) * q.col(j);
+    return out;
   }
 
   /// The middle of the widest gap next to an eigenvalue, in parts of what lies above it.
@@ -188,7 +226,7 @@ class Spectrum {
     for (Eigen::Index j = std::max<Eigen::Index>(0, i - kNeighbours); j < std::min(values_.size() - 1, i + kNeighbours);
          ++j) {
       const double below = std::max(values_[j], 0.0), above = values_[j + 1];
-      if (!(above > 0) || std::isinf(above) || (above - below) / above <= widest) continue;
+      if (!(above > noise_) || std::isinf(above) || (above - below) / above <= widest) continue;
       widest = (above - below) / above;
       best = below + (above - below) / 2;
     }
@@ -196,8 +234,9 @@ class Spectrum {
   }
 
   const ShiftedPencil& pencil_;
-  VectorXd values_, errors_;
-  MatrixXd vectors_;
+  VectorXd values_, errors_;  // the best of all shifts
+  double noise_ = 0;          // eigenvalues up to that are rounding
+  std::vector<ShiftedPencil::Slice> slices_;
 };
 
 }  // namespace

@@ -92,7 +92,7 @@ void check_definite(const SparseMatrix& m, const Places& places, const Options& 
   const SparseMatrix m11 = part(m, places.with, places.massive);
   if (is_definite(m11, options)) return;
   Options o = factor_options(options, Kind::ldlt);
-  o.singular = SingularMatrix::report;
+  o.singular = SingularMatrix::null_vectors;
   Solver solver(o);
   const AnalysisResult analysis = solver.analyze(m11);
   if (!analysis.status.ok()) throw Error(analysis.status);

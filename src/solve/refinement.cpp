@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -154,7 +155,8 @@ void Refinement::judge() {
     const BackwardError before = c.result.error, now = trials[k].error;
     ++c.result.steps;
     auto [better, stalled] = judge_step(before, now);
-    if (squares[k] > 0 && stalled && a_.dot(c.residual, c.residual) <= kFallen * squares[k]) {
+    if (squares[k] > 0 && std::isfinite(squares[k]) && stalled &&
+        a_.dot(c.residual, c.residual) <= kFallen * squares[k]) {
       better = true;
       stalled = false;
     }

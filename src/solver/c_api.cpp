@@ -432,7 +432,8 @@ int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows
     const auto n = static_cast<std::size_t>(s.rows) * (s.complex_solver ? 2 : 1);
     const std::size_t count = n == 0 ? 0 : known.vectors.size() / n;
     const std::size_t given = std::min(count, static_cast<std::size_t>(capacity));
-    if (rows != nullptr) std::copy_n(known.rows.begin(), std::min(given, known.rows.size()), rows);
+    if (rows != nullptr)
+      std::copy_n(known.rows.begin(), std::min(static_cast<std::size_t>(capacity), known.rows.size()), rows);
     if (vectors != nullptr) std::copy_n(known.vectors.begin(), given * n, vectors);
     *found = static_cast<int64_t>(count);
     return Status{};

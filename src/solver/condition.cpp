@@ -24,8 +24,8 @@ std::complex<double> sign_of(std::complex<double> x) {
 
 // n x columns, column-major.
 template <class Value>
-struct Columns {
-  Columns(Index the_n, Index the_columns)
+struct Probes {
+  Probes(Index the_n, Index the_columns)
       : n(static_cast<std::size_t>(the_n)),
         columns(static_cast<std::size_t>(the_columns)),
         values(n * columns, Value(0)) {}
@@ -37,7 +37,7 @@ struct Columns {
 
 // The largest |y_j|_1; NaN stays.
 template <class Value>
-double largest_norm(Columns<Value>& y) {
+double largest_norm(Probes<Value>& y) {
   double most = 0;
   for (std::size_t c = 0; c < y.columns; ++c) {
     const double norm =
@@ -52,7 +52,7 @@ double exact_inverse_norm(Index n, const InverseProduct<Value>& solve) {
   double most = 0;
   for (Index begin = 0; begin < n; begin += kTogether) {
     const Index columns = std::min(kTogether, n - begin);
-    Columns<Value> x(n, columns), y(n, columns);
+    Probes<Value> x(n, columns), y(n, columns);
     for (Index c = 0; c < columns; ++c) x.column(static_cast<std::size_t>(c))[begin + c] = 1;
     solve(x.values.data(), y.values.data(), columns, false);
     if (const double norm = largest_norm(y); !(norm <= most)) most = norm;
@@ -62,8 +62,8 @@ double exact_inverse_norm(Index n, const InverseProduct<Value>& solve) {
 
 // Ones, and signs without pattern.
 template <class Value>
-Columns<Value> first_guess(Index n) {
-  Columns<Value> x(n, kColumns);
+Probes<Value> first_guess(Index n) {
+  Probes<Value> x(n, kColumns);
   for (std::size_t c = 0; c < x.columns; ++c)
     for (std::size_t i = 0; i < x.n; ++i)
       x.column(c)[i] = (c > 0 && base::mix(c * x.n + i + 1) % 2 == 1 ? -1.0 : 1.0) / n;
@@ -73,7 +73,7 @@ Columns<Value> first_guess(Index n) {
 // The unit vectors of the rows of z with the largest entries, of those that have not been tried.
 // @returns none where the best has been
 template <class Value>
-std::vector<std::size_t> next_units(Columns<Value>& z, std::vector<char>& tried) {
+std::vector<std::size_t> next_units(Probes<Value>& z, std::vector<char>& tried) {
   std::vector<double> size(z.n, 0);
   for (std::size_t c = 0; c < z.columns; ++c)
     for (std::size_t i = 0; i < z.n; ++i) size[i] = std::max(size[i], std::abs(z.column(c)[i]));
@@ -97,7 +97,7 @@ template <class Value>
 double estimate_inverse_norm(Index n, const InverseProduct<Value>& solve) {
   constexpr int kMostSteps = 5;
   if (n <= kSmall) return exact_inverse_norm(n, solve);
-  Columns<Value> x = first_guess<Value>(n), y(n, kColumns), z(n, kColumns);
+  Probes<Value> x = first_guess<Value>(n), y(n, kColumns), z(n, kColumns);
   std::vector<char> tried(x.n, 0);
   double estimate = 0;
   for (int step = 0; step < kMostSteps; ++step) {
@@ -113,7 +113,7 @@ double estimate_inverse_norm(Index n, const InverseProduct<Value>& solve) {
     for (std::size_t c = 0; c < units.size(); ++c) x.column(c)[units[c]] = 1;
   }
   // Higham's alternating vector guards against cancellation.
-  Columns<Value> alternating(n, 1), image(n, 1);
+  Probes<Value> alternating(n, 1), image(n, 1);
   for (std::size_t i = 0; i < x.n; ++i)
     alternating.values[i] = (i % 2 == 0 ? 1.0 : -1.0) * (1.0 + static_cast<double>(i) / (static_cast<double>(n) - 1));
   solve(alternating.values.data(), image.values.data(), 1, false);

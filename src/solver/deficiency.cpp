@@ -1,5 +1,6 @@
 #include "solver/deficiency.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <complex>
@@ -8,6 +9,7 @@
 #include <numeric>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/mix.hpp"
 #include "solver/small_block.hpp"
 
@@ -15,9 +17,9 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr Index kFirstColumns = 8;     // a substitution takes as many in the time of one
-constexpr Index kMostColumns = 256;    // sought at most ...
-constexpr Offset kMostWork = 1 << 28;  // ... and rows * columns^2: a few tenths of a second
+constexpr Index kFirstColumns = 8;  // a substitution takes as many in the time of one
+constexpr Index kMostColumns = kMostZerosSought;
+constexpr Offset kMostWork = 1 << 28;  // of rows * columns^2: a few tenths of a second
 constexpr int kInverseSteps = 3;
 constexpr std::int64_t kFactorColumns = 4096, kRowsPerRange = 1 << 15;
 
@@ -258,17 +260,86 @@ class Search {
 
   /// Vectors of op(B)'s null space, by a factor of B + E (zeros_of_pivots()): what B makes of random vectors is taken
   /// off them.
+  /// @param polished  once more than it takes
   /// @returns none where they are no null vectors to rounding
-  [[nodiscard]] Block null_columns(Index columns, bool transpose) const {
+  [[nodiscard]] Block null_columns(Index columns, bool transpose, bool polished) const {
     constexpr int kMostSteps = 4;
     Block x = start(columns);
+    bool vanished = false;
     for (int step = 0; step < kMostSteps; ++step) {
       Block y = b_.product(x, transpose);
-      if (step > 0 && vanish(y, x)) return x;
+      if (step > 0 && vanish(y, x)) {
+        if (vanished || !polished) return x;
+        vanished = true;
+      }
       y = b_.inverse(std::move(y), transpose);
       for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
     }
     return {b_.n(), 0};
+  }
+
+  /// What rounding has added to null vectors in other directions.
+  void clean(Block& x, bool transpose) const {
+    const Block y = b_.inverse(b_.product(x, transpose), transpose);
+    for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
+  }
+
+  /// What op(B) makes of (B + E)^-1 E, where E stands in these rows (of op(B)).
+  struct Reduced {
+    Block z{0, 0};      // the columns of (B + E)^-1 E, of length 1
+    Eigen::MatrixXd m;  // op(B) z in the rows of E; the others are zero
+  };
+  [[nodiscard]] std::optional<Reduced> reduce(std::span<const Index> rows, bool transpose) const {
+    constexpr double kNothing = 1e-10;
+    const Index parts = base::parts_of(job_.prepared.numbers);
+    std::vector<Index> places;
+    for (const Index row : rows)
+      for (Index part = 0; part < parts; ++part) places.push_back(parts * row + part);
+    Block u(b_.n(), static_cast<Index>(places.size()));
+    for (Index c = 0; c < u.columns; ++c) u.column(c)[places[at(c)]] = 1;
+    Reduced r{b_.inverse(std::move(u), transpose), Eigen::MatrixXd(places.size(), places.size())};
+    if (!normalize(job_.pool, r.z)) return {};
+    Block y = b_.product(r.z, transpose);
+    for (Index c = 0; c < y.columns; ++c) {
+      for (Index k = 0; k < y.columns; ++k) r.m(k, c) = std::exchange(y.column(c)[places[at(k)]], 0);
+      for (Index i = 0; i < y.rows; ++i)
+        if (!(std::abs(y.column(c)[i]) <= kNothing * b_.norm())) return {};
+    }
+    return r;
+  }
+  /// Null vectors of op(B) among them. @returns nothing where zeros and others are not far apart
+  [[nodiscard]] std::optional<Block> null_columns(const Reduced& r, bool transpose) const {
+    constexpr double kGap = 16;
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(r.m);
+    const auto sizes = qr.matrixR().diagonal().cwiseAbs();
+    const auto rank = static_cast<Index>((sizes.array() > zero_).count());
+    const Index k = r.z.columns;
+    if (rank > 0 && sizes(rank - 1) < kGap * zero_) return {};
+    Eigen::MatrixXd combined(k, k - rank);
+    combined.bottomRows(k - rank).setIdentity();
+    combined.topRows(rank) = -qr.matrixR()
+                                  .topLeftCorner(rank, rank)
+                                  .triangularView<Eigen::Upper>()
+                                  .solve(qr.matrixR().topRightCorner(rank, k - rank));
+    combined = qr.colsPermutation() * combined;
+    Block x(r.z.rows, k - rank);
+    Eigen::Map<Eigen::MatrixXd>(x.values.data(), x.rows, x.columns) =
+        Eigen::Map<const Eigen::MatrixXd>(r.z.values.data(), r.z.rows, k) * combined;
+    if (x.columns > 0 && !vanish(b_.product(x, transpose), x)) return {};
+    return x;
+  }
+  /// Negative eigenvalues of a symmetric B on them, `zeros` left out.
+  [[nodiscard]] static Index negative(const Reduced& r, std::span<const Index> rows, Index zeros) {
+    const auto k = static_cast<Index>(r.m.rows()), parts = k / static_cast<Index>(rows.size());
+    Eigen::MatrixXd z(k, k);
+    for (Index c = 0; c < k; ++c)
+      for (Index i = 0; i < k; ++i)
+        z(i, c) = r.z.values[at(Offset{c} * r.z.rows + parts * rows[at(i / parts)] + i % parts)];
+    const Eigen::MatrixXd h = z.transpose() * r.m;
+    Eigen::VectorXd values =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>((h + h.transpose()) / 2, Eigen::EigenvaluesOnly).eigenvalues();
+    std::sort(values.begin(), values.end(), [](double a, double b) { return std::abs(a) > std::abs(b); });
+    return static_cast<Index>((values.head(k - zeros).array() < 0).count());
   }
 
   [[nodiscard]] double zero() const { return zero_; }
@@ -605,12 +676,14 @@ namespace {
 void describe_all(const DeficiencyJob& job, const Search& search, double work, Block null, Block left,
                   Deficiency& found) {
   found.by_pivots = work > static_cast<double>(kMostWork);
-  const auto make_orthonormal = [&](Block& x) {
+  const auto make_orthonormal = [&](Block& x, bool transpose) {
     (void)normalize(job.pool, x);
-    if (!found.by_pivots) orthonormalize(job.pool, x);
+    if (found.by_pivots || x.columns == 0) return;
+    orthonormalize(job.pool, x);
+    if (!found.reduced) search.clean(x, transpose);
   };
-  make_orthonormal(null);
-  make_orthonormal(left);
+  make_orthonormal(null, false);
+  make_orthonormal(left, true);
   const auto describe_as = [&](const auto& basis) {
     if (!found.by_pivots) return describe(search.matrix(), basis(null), basis(left), found);
     found.null_vectors = callers_vectors(search.matrix(), basis(null), false);
@@ -632,8 +705,9 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   search.prepare();
   const double work = static_cast<double>(search.matrix().n()) * zeros * zeros;
   const bool all = zeros <= parts * kFirstColumns || work <= job.vector_work;
-  const Index columns = all ? zeros : kFirstColumns;
-  Block null = search.null_columns(columns, false);
+  constexpr Index kProof = 2;  // of one, a part that is none of a null vector might be small by chance
+  const Index columns = all ? zeros : kProof;
+  Block null = search.null_columns(columns, false, all);
   if (null.columns == 0) return {};
   Deficiency found;
   found.zeros = zeros / parts;
@@ -641,9 +715,39 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   found.by_pivots = true;
   if (!all) return found;
   Block left(search.matrix().n(), 0);
-  if (job.kind == Kind::lu) left = search.null_columns(columns, true);
+  if (job.kind == Kind::lu) left = search.null_columns(columns, true, true);
   if (job.kind == Kind::lu && left.columns == 0) return {};
   describe_all(job, search, work, std::move(null), std::move(left), found);
+  return found;
+}
+
+std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span<const Index> rows,
+                                             std::span<const Index> columns) {
+  constexpr double kMost = 0x1p31;  // a few seconds
+  const Index parts = base::parts_of(job.prepared.numbers);
+  const double pivots = static_cast<double>(parts) * static_cast<double>(rows.size());
+  Search search(job);
+  if (rows.empty() || search.matrix().n() * pivots * pivots > kMost || !search.surely_regular()) return {};
+  search.prepare();
+  const auto right = search.reduce(rows, false);
+  if (!right) return {};
+  std::optional<Block> null = search.null_columns(*right, false);
+  if (!null || null->columns % parts != 0) return {};
+  Deficiency found;
+  found.smallest = 0;
+  found.reduced = true;
+  found.zeros = null->columns / parts;
+  if (job.kind == Kind::ldlt && !search.matrix().two_sided())
+    found.negative = Search::negative(*right, rows, null->columns) / parts;
+  if (found.zeros == 0) return found;
+  Block left(search.matrix().n(), 0);
+  if (job.kind == Kind::lu) {
+    const auto reduced = search.reduce(columns, true);
+    std::optional<Block> other = reduced ? search.null_columns(*reduced, true) : std::nullopt;
+    if (!other || other->columns != null->columns) return {};
+    left = std::move(*other);
+  }
+  describe_all(job, search, 0, std::move(*null), std::move(left), found);
   return found;
 }
 

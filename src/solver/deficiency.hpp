@@ -45,7 +45,11 @@ struct Deficiency {
   bool doubtful = false;             ///< the factor has pivots with which it does not solve: there may be more zeros
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
   bool by_pivots = false;            ///< each replaced pivot is a zero, and tells its row; no row was sought
+  bool reduced = false;              ///< `negative` is that of the whole matrix
 };
+
+/// A search finds no more zeros.
+constexpr Index kMostZerosSought = 256;
 
 struct DeficiencyJob {
   const PreparedMatrix& prepared;
@@ -77,6 +81,12 @@ Deficiency find_deficiency(const DeficiencyJob& job);
 /// @param zeros  replaced pivots in the real space of job.prepared.numbers
 /// @returns nothing where that cannot be told
 std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros);
+/// The same where fewer than k of them are zeros: null vectors lie in (B + E)^-1 E, so that a dense matrix of order k
+/// tells how many there are (and of L D L^T how many of the others are negative).
+/// @param rows, columns  of the caller's numbering, where the replaced pivots stand (Kind::ldlt: the same)
+/// @returns nothing where that cannot be told, or takes too long
+std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span<const Index> rows,
+                                             std::span<const Index> columns);
 /// Whether the matrix that was factorized is surely regular; it takes a few solutions.
 bool surely_regular(const DeficiencyJob& job);
 

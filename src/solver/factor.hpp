@@ -66,6 +66,10 @@ class FactorValues {
   bool on_device_ = false;
 };
 
+/// The caller's columns and rows at these positions of the plan, ascending, each once.
+std::vector<Index> columns_of(const Analysis& analysis, const std::vector<Index>& positions);
+std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& positions);
+
 class Factor {
  public:
   /// @param values  as many as the analysed matrix has entries, or none yet
@@ -152,7 +156,11 @@ class Factor {
   [[nodiscard]] bool follow(const analysis::AssemblyTree& tree, std::vector<Index> front_before, Index moved_pivots);
   void set_smallest_pivot();
   [[nodiscard]] bool parts_with_zeros() const;
+  [[nodiscard]] bool looks() const;
+  [[nodiscard]] bool searches_on_host(device::FactorOutcome& outcome);
+  [[nodiscard]] bool small_pivots_are_zeros(const device::FactorOutcome& outcome);
   [[nodiscard]] bool proves_zeros(device::FactorOutcome& outcome);
+  [[nodiscard]] std::optional<Deficiency> zeros_among(const device::FactorOutcome& outcome);
   [[nodiscard]] bool zeros_without_search(const device::FactorOutcome& outcome);
   device::FactorOutcome settle_pivots();
   device::FactorOutcome settle_pivots(device::FactorOutcome outcome);

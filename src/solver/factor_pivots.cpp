@@ -27,7 +27,7 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
   PivotPolicy policy(narrow_tiles());
   if (zeros_explain(outcome)) return outcome;
   for (;;) {
-    const bool zeros_stay = parts_with_zeros() && (analysis_->kind() == Kind::ldlt || outcome.failed.empty());
+    const bool zeros_stay = parts_with_zeros();
     const std::vector<Index> movable = pivots_to_move(analysis_->plan, outcome, zeros_stay);
     const auto solves = [&] {
       complete(outcome);
@@ -36,14 +36,21 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
     switch (policy.next(static_cast<Index>(movable.size()), solves)) {
       case PivotPolicy::Step::stop:
         complete(outcome);
-        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) break;
+        if (zeros_stay && !outcome.replaced.empty() && !proves_zeros(outcome)) {
+          // A search finds no more zeros, and takes minutes.
+          gave_up_ = analysis_->system->unknowns(outcome.replaced.size()) > kMostZerosSought;
+          break;
+        }
         return outcome;
       case PivotPolicy::Step::move: {
         const bool near = policy.near(outcome.halted) && (outcome.halted || !search_is_short());
         const Moved moved = move_pivots(movable, near);
-        if (moved == Moved::nowhere) halts_ = parts_ = false;
+        if (moved == Moved::nowhere) halts_ = false;
         again(outcome);
-        if (moved == Moved::nowhere) return outcome;
+        if (moved == Moved::nowhere) {
+          gave_up_ = outcome.replaced.empty() || !proves_zeros(outcome);
+          return outcome;
+        }
         if (moved == Moved::searched) policy.note_search();
         break;
       }
@@ -58,16 +65,16 @@ device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
 // A singular matrix leaves pivots for which no other front has better partners.
 bool Factor::zeros_explain(device::FactorOutcome& outcome) {
   if (outcome.replaced.empty() || pivots_are_given()) return false;
-  // With a replaced pivot of lu, its row failed as well, unless it vanished, too. Other failures spoil the factor that
-  // is to be asked.
+  // With a replaced pivot of lu, its row failed as well. Other failures spoil the factor that is to be asked.
   const auto spoilt = [&] {
-    const bool rows = analysis_->kind() == Kind::lu && !parts_with_zeros();
-    return outcome.failed.size() > (rows ? outcome.replaced.size() : 0);
+    if (parts_with_zeros()) return !unstable_pivots(outcome).empty();
+    return outcome.failed.size() > (analysis_->kind() == Kind::lu ? outcome.replaced.size() : 0);
   };
   if (spoilt()) return false;
   complete(outcome);
   if (spoilt()) return false;
   if (parts_with_zeros()) {
+    if (!outcome.failed.empty()) return zeros_without_search(outcome);
     if (proves_zeros(outcome)) return true;
     if (spoilt() || outcome.replaced.empty()) return false;
   }

@@ -39,6 +39,35 @@ std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::F
   return reports;
 }
 
+Status not_positive(Index row) {
+  return {StatusCode::not_positive_definite,
+          fmt::format("the matrix is not positive definite: the pivot of {} is not positive; use kind ldlt (or auto)",
+                      name_rows({row})),
+          row};
+}
+
+// Pivots count by their signs (Sylvester), those that stand for a zero do not. Where these are not known one by one,
+// what is left of the matrix for all small ones has the inertia of B on the directions of its smallest eigenvalues
+// (Haynsworth 1968). In a real form all of them stand twice. Of an odd number of pivots that vanish there, the
+// direction that is counted beside them may be negative: what is odd is one too many.
+Index negative_eigenvalues(const System& system, const device::FactorOutcome& outcome, const Deficiency& deficiency) {
+  const Index twice = system.real_form ? 2 : 1;
+  if (deficiency.reduced) return deficiency.negative;
+  if (deficiency.zeros == system.unknowns(outcome.replaced.size())) return outcome.negative / twice;
+  const Index others = outcome.negative - outcome.small_negative;
+  const Index suspects = system.unknowns(outcome.replaced.size() + outcome.small.size());
+  return (deficiency.zeros >= suspects ? others : others + twice * deficiency.negative) / twice;
+}
+
+std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_small) {
+  std::vector<Index> positions(outcome.replaced);
+  if (!with_small) return positions;
+  positions.insert(positions.end(), outcome.small.begin(), outcome.small.end());
+  return positions;
+}
+
+}  // namespace
+
 std::vector<Index> columns_of(const Analysis& analysis, const std::vector<Index>& positions) {
   std::vector<Index> columns;
   for (const Index p : positions)
@@ -54,34 +83,6 @@ std::vector<Index> rows_of(const Analysis& analysis, const std::vector<Index>& p
   std::sort(rows.begin(), rows.end());
   return rows;
 }
-
-Status not_positive(Index row) {
-  return {StatusCode::not_positive_definite,
-          fmt::format("the matrix is not positive definite: the pivot of {} is not positive; use kind ldlt (or auto)",
-                      name_rows({row})),
-          row};
-}
-
-// Pivots count by their signs (Sylvester), those that stand for a zero do not. Where these are not known one by one,
-// what is left of the matrix for all small ones has the inertia of B on the directions of its smallest eigenvalues
-// (Haynsworth 1968). In a real form all of them stand twice. Of an odd number of pivots that vanish there, the
-// direction that is counted beside them may be negative: what is odd is one too many.
-Index negative_eigenvalues(const System& system, const device::FactorOutcome& outcome, const Deficiency& deficiency) {
-  const Index twice = system.real_form ? 2 : 1;
-  if (deficiency.zeros == system.unknowns(outcome.replaced.size())) return outcome.negative / twice;
-  const Index others = outcome.negative - outcome.small_negative;
-  const Index suspects = system.unknowns(outcome.replaced.size() + outcome.small.size());
-  return (deficiency.zeros >= suspects ? others : others + twice * deficiency.negative) / twice;
-}
-
-std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_small) {
-  std::vector<Index> positions(outcome.replaced);
-  if (!with_small) return positions;
-  positions.insert(positions.end(), outcome.small.begin(), outcome.small.end());
-  return positions;
-}
-
-}  // namespace
 
 Status singular(const std::vector<Index>& rows, Index zeros, Index n) {
   return {StatusCode::singular,

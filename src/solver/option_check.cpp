@@ -41,7 +41,7 @@ void check_options(const Options& o) {
   require<double>("max_block_size", o.max_block_size, 0, INFINITY, "0 (our choice) or greater");
   require("pivot_threshold", o.pivot_threshold, 0.0, 1.0, "from 0 to 1");
   require("perturbation", o.perturbation, 0.0, 1.0, "from 0 (our choice) to 1");
-  require("singular", static_cast<int>(o.singular), 0, static_cast<int>(SingularMatrix::report),
+  require("singular", static_cast<int>(o.singular), 0, static_cast<int>(SingularMatrix::null_vectors),
           "one of the enumeration");
   require("rescale", static_cast<int>(o.rescale), 0, static_cast<int>(Rescale::equilibration),
           "one of the enumeration");

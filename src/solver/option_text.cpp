@@ -96,8 +96,10 @@ void set_machine(Options& options, std::string_view, std::string_view value) {
   options.machine = value;
 }
 
-constexpr std::array<std::pair<std::string_view, SingularMatrix>, 2> kSingular{
-    {{"error", SingularMatrix::error}, {"report", SingularMatrix::report}}};
+constexpr std::array<std::pair<std::string_view, SingularMatrix>, 3> kSingular{
+    {{"error", SingularMatrix::error},
+     {"report", SingularMatrix::report},
+     {"null_vectors", SingularMatrix::null_vectors}}};
 
 constexpr std::array<std::pair<std::string_view, Rescale>, 3> kRescale{
     {{"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}}};

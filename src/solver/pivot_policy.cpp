@@ -2,30 +2,75 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <span>
 #include <utility>
 
 namespace espalier::solver {
 
-std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome, bool zeros_stay) {
-  std::vector<Index> moved;
-  std::vector<Index> bad(outcome.failed);
-  if (!zeros_stay) bad.insert(bad.end(), outcome.replaced.begin(), outcome.replaced.end());
+namespace {
+
+using Positions = std::vector<Index>;
+
+Positions together(const Positions& a, const Positions& b) {
+  Positions all;
+  std::set_union(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(all));
+  return all;
+}
+
+// Of ascending positions those from `first` to below `end`.
+std::span<const Index> within(const Positions& all, Index first, Index end) {
+  const auto begin = std::lower_bound(all.begin(), all.end(), first);
+  return {begin, std::lower_bound(begin, all.end(), end)};
+}
+
+Positions in_both(std::span<const Index> a, std::span<const Index> b) {
+  Positions both;
+  std::set_intersection(a.begin(), a.end(), b.begin(), b.end(), std::back_inserter(both));
+  return both;
+}
+
+}  // namespace
+
+Positions unstable_pivots(const device::FactorOutcome& outcome) {
+  Positions others;
+  std::set_difference(outcome.failed.begin(), outcome.failed.end(), outcome.replaced.begin(), outcome.replaced.end(),
+                      std::back_inserter(others));
+  return others;
+}
+
+Positions pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome, bool zeros_stay) {
+  Positions moved;
+  const Positions bad = zeros_stay ? outcome.failed : together(outcome.failed, outcome.replaced);
   if (bad.empty()) return moved;
-  std::sort(bad.begin(), bad.end());
-  bad.erase(std::unique(bad.begin(), bad.end()), bad.end());
   const auto& tree = plan.tree;
   std::vector<char> below(static_cast<std::size_t>(tree.fronts()), 0);  // 1: a failure in the sub-tree below
-  std::size_t at = 0;
   for (Index f = 0; f < tree.fronts(); ++f) {
-    bool any = below[f] != 0;
-    for (; at < bad.size() && bad[at] < tree.first[f + 1]; ++at) {
-      // In a root, a pivot may still find its partner in the last block column.
-      const auto& l = plan.layout[f];
-      const bool may_move = tree.parent[f] >= 0 || l.tile_of(bad[at] - tree.first[f]) + 1 < l.pivot_tiles;
-      if (below[f] == 0 && may_move) moved.push_back(bad[at]);
-      any = true;
+    const Index first = tree.first[f], end = tree.first[f + 1];
+    std::span<const Index> here = within(bad, first, end);
+    const bool root = tree.parent[f] < 0;
+    if (!root && (below[f] != 0 || !here.empty())) below[tree.parent[f]] = 1;
+    if (below[f] != 0) continue;
+    // Rows that vanishing columns of lu took may be pivots of others: of those of this front if these stand at the end,
+    // or of those above.
+    Positions with_rows;
+    if (zeros_stay && !outcome.replaced_rows.empty()) {
+      const Positions takers = in_both(here, outcome.replaced);
+      if (root && !takers.empty()) {
+        if (takers.front() + static_cast<Index>(takers.size()) < end)
+          moved.insert(moved.end(), takers.begin(), takers.end());
+        continue;
+      }
+      if (!takers.empty()) {
+        const auto rows = within(outcome.replaced_rows, first, end);
+        std::set_union(here.begin(), here.end(), rows.begin(), rows.end(), std::back_inserter(with_rows));
+        here = with_rows;
+      }
     }
-    if (any && tree.parent[f] >= 0) below[tree.parent[f]] = 1;
+    // In a root, a pivot may still find its partner in the last block column.
+    const auto& l = plan.layout[f];
+    for (const Index p : here)
+      if (!root || l.tile_of(p - first) + 1 < l.pivot_tiles) moved.push_back(p);
   }
   return moved;
 }

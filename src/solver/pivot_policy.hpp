@@ -14,9 +14,14 @@ namespace espalier::solver {
 /// Delayed pivoting by re-analysis: the positions of pivots that could not be eliminated stably in their fronts and had
 /// better go to their parents. Only the lowest failures are among them: what failed above them was computed from their
 /// debris. Ascending.
-/// @param zeros_stay  pivots that were replaced have not failed: no other front has better partners for them
+/// @param zeros_stay  pivots that were replaced have not failed by that alone: no other front has better partners for
+///                    them
 std::vector<Index> pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& outcome,
                                   bool zeros_stay = false);
+
+/// Positions that failed for other reasons than that columns, or the rows that they took, are not quite zeros: then a
+/// factor is not stable. Ascending.
+std::vector<Index> unstable_pivots(const device::FactorOutcome& outcome);
 
 /// An outcome of llt, which reports its suspicious pivots as replaced, and has replaced none.
 device::FactorOutcome with_suspects(device::FactorOutcome llt);

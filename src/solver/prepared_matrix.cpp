@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "analysis/matching.hpp"
+#include "base/at.hpp"
 #include "base/scalar.hpp"
 #include "device/determinant.hpp"
 #include "matrix/norms.hpp"
@@ -397,11 +398,44 @@ std::vector<double> sizes_with_zeros(const MatrixView& a, const std::vector<doub
 
 bool has_zeros(const MatrixView& a) { return std::find(a.values.begin(), a.values.end(), 0.0) != a.values.end(); }
 
+// Where a matching is not complete, its scaling says little of rows and columns without partner: those with small
+// entries alone are raised until the largest is 1. @param a  in general storage
+void raise_small_ones(const MatrixView& a, std::vector<double>& row, std::vector<double>& col) {
+  std::vector<double> most(row.size(), 0);
+  const auto factor = [](double largest) { return largest > 0 && largest < 1 ? 1 / largest : 1; };
+  for (std::size_t c = 0; c < col.size(); ++c) {
+    double largest = 0;
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+      largest = std::max(largest, std::abs(a.values[at(q)] * row[at(a.row_ind[at(q)])] * col[c]));
+    col[c] *= factor(largest);
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+      double& of_row = most[at(a.row_ind[at(q)])];
+      of_row = std::max(of_row, std::abs(a.values[at(q)] * row[at(a.row_ind[at(q)])] * col[c]));
+    }
+  }
+  for (std::size_t r = 0; r < row.size(); ++r) row[r] *= factor(most[r]);
+}
+
+// Rows and columns alike.
+void raise_small_ones(const MatrixView& a, std::vector<double>& scale) {
+  for (std::size_t c = 0; c < scale.size(); ++c) {
+    double largest = 0;
+    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
+      const std::size_t r = at(a.row_ind[at(q)]);
+      const double scaled = std::abs(a.values[at(q)] * scale[r] * scale[c]);
+      largest = std::max(largest, r == c ? std::sqrt(scaled) : scaled);
+    }
+    if (largest > 0 && largest < 1) scale[c] /= largest;
+  }
+}
+
 void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base::ThreadPool& pool) {
   analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
   p.row_scale = p.col_scale = std::move(m.scale);
   p.pair = std::move(m.pair);
   if (m.structural_rank == p.n()) return;
+  raise_small_ones(matrix::to_general(a), p.col_scale);
+  p.row_scale = p.col_scale;
   std::vector<double> sizes;
   if (has_zeros(a)) {
     sizes = sizes_with_zeros(a, p.row_scale, p.col_scale);
@@ -428,6 +462,7 @@ void match_the_rest(std::vector<Index>& row_of_col) {
 
 void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed, base::ThreadPool& pool) {
   analysis::Matching m = analysis::maximum_product_matching(a, pool);
+  if (m.structural_rank < p.n()) raise_small_ones(a, m.row_scale, m.col_scale);
   std::vector<double> sizes;
   if (m.structural_rank < p.n() && has_zeros(a)) {
     sizes = sizes_with_zeros(a, m.row_scale, m.col_scale);
@@ -499,9 +534,12 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
   a.values = sizes.empty() ? values : sizes;
   Scales scales;
   if (matching && a.symmetric()) {
-    scales.row = scales.col = analysis::symmetric_matching(a, pool).scale;
+    analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
+    if (m.structural_rank < p.n()) raise_small_ones(matrix::to_general(a), m.scale);
+    scales.row = scales.col = std::move(m.scale);
   } else if (matching) {
     analysis::Matching m = analysis::maximum_product_matching(a, pool);
+    if (m.structural_rank < p.n()) raise_small_ones(a, m.row_scale, m.col_scale);
     scales.row = std::move(m.row_scale);
     scales.col = std::move(m.col_scale);
   } else {

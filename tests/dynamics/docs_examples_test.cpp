@@ -1,4 +1,5 @@
-// Every model on the pages about forces and contact runs to its end.
+// Every model on the pages about forces and contact runs to its end, and comes to what the same model comes to with
+// tolerances that are ten thousand times smaller.
 #include <gtest/gtest.h>
 
 #include "model_common.hpp"
@@ -20,6 +21,28 @@ std::vector<std::string> blocks(const std::string& page, const std::string& lang
   return result;
 }
 
+SimulationOptions tightened(const char* relative, const char* absolute, const char* of_velocity) {
+  SimulationOptions options;
+  options.set = {std::string("integrator.relative=") + relative, std::string("integrator.absolute=") + absolute,
+                 std::string("integrator.absolute_velocity=") + of_velocity};
+  return options;
+}
+
+/// Places of bodies and chosen quantities at the end, against the converged answer: within `part` of the largest.
+void expect_converged(const Simulation& printed, const Simulation& converged, double part, const std::string& name) {
+  double size = 0;
+  const auto places = [](const Simulation& s) {
+    std::vector<std::string> all;
+    for (const SimulationQuantity& q : s.quantities())
+      if (q.name.find(".position.") != std::string::npos) all.push_back(q.name);
+    return all;
+  };
+  for (const std::string& q : places(converged)) size = std::max(size, std::abs(converged.value(q)));
+  ASSERT_GT(size, 0) << name;
+  for (const std::string& q : places(converged))
+    EXPECT_NEAR(printed.value(q), converged.value(q), part * size) << name << ", " << q;
+}
+
 TEST(DocsExamples, OfForcesRun) {
   const std::string page = content_of(kPage);
   const ScratchFolder folder;
@@ -35,6 +58,11 @@ TEST(DocsExamples, OfForcesRun) {
     if (status.ok()) status = s.run();
     EXPECT_TRUE(status.ok()) << "example " << k + 1 << ": " << status.message;
     EXPECT_GT(s.summary().steps, 10) << k + 1;
+    Simulation converged(tightened("1e-10", "1e-12", "1e-12"));
+    status = converged.load(path);
+    if (status.ok()) status = converged.run();
+    ASSERT_TRUE(status.ok()) << status.message;
+    expect_converged(s, converged, 1e-3, "example " + std::to_string(k + 1));
   }
 }
 
@@ -42,7 +70,25 @@ TEST(DocsExamples, OfContactRun) {
   const std::string page = content_of((espalier::test::source_folder() / "docs/guide/contact.md").string());
   const std::vector<std::string> models = blocks(page, "toml");
   EXPECT_EQ(models.size(), 2U);
-  for (const std::string& text : models) EXPECT_GT(simulated(text).summary().steps, 10);
+  for (const std::string& text : models) {
+    const Simulation printed = simulated(text);
+    EXPECT_GT(printed.summary().steps, 10);
+    expect_converged(printed, simulated(text, tightened("1e-10", "1e-12", "1e-12")), 1e-3, text.substr(0, 60));
+  }
+}
+
+// The first example of the guide: a flexible pendulum. Where its bob ends, and its energy, which damping may only
+// lessen.
+TEST(DocsExamples, TheFirstOneIsConverged) {
+  const std::string text =
+      blocks(content_of((espalier::test::source_folder() / "docs/guide/simulate.md").string()), "toml").at(0);
+  ASSERT_NE(text.find("flexible pendulum"), std::string::npos);
+  const Simulation printed = simulated(text), converged = simulated(text, tightened("1e-6", "1e-8", "1e-4"));
+  expect_converged(printed, converged, 2e-3, "the first example");
+  const SimulationSummary& s = printed.summary();
+  EXPECT_LT(s.energy_end.kinetic + s.energy_end.potential, s.energy_begin.kinetic + s.energy_begin.potential + 1e-3);
+  for (const std::string& notice : s.notices)
+    EXPECT_EQ(notice.find("energy that no force"), std::string::npos) << notice;
 }
 
 }  // namespace

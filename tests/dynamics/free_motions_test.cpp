@@ -39,13 +39,14 @@ TEST(FreeMotions, OfOneBody) {
   EXPECT_EQ(loose(kBob), Lines{"'bob' can move along every direction and turn about every axis"});
   EXPECT_EQ(loose("[bodies.m]\ntype = \"point\"\nmass = 1\n"), Lines{"'m' can move along every direction"});
   const std::string joint = "[joints.hold]\nbodies = [\"ground\", \"bob\"]\nat = [0.3, 0, 1]\n";
-  EXPECT_EQ(loose(kBob + joint + "type = \"revolute\"\n"), Lines{"'bob' can turn about z through (0.3, 0, 0)"});
+  EXPECT_EQ(loose(kBob + joint + "axis = [0, 0, 1]\ntype = \"revolute\"\n"),
+            Lines{"'bob' can turn about z through (0.3, 0, 0)"});
   EXPECT_EQ(loose(kBob + joint + "type = \"spherical\"\n"), Lines{"'bob' can turn about every axis"});
   EXPECT_EQ(loose(kBob + joint + "axis = [1, 1, 0]\ntype = \"prismatic\"\n"),
             Lines{"'bob' can move along (0.7071, 0.7071, 0)"});
-  EXPECT_EQ(loose(kBob + joint + "type = \"cylindrical\"\n"),
+  EXPECT_EQ(loose(kBob + joint + "axis = [0, 0, 1]\ntype = \"cylindrical\"\n"),
             Lines{"'bob' can move along z and turn about z through (0.3, 0, 0)"});
-  EXPECT_EQ(loose(kBob + joint + "type = \"planar\"\n"),
+  EXPECT_EQ(loose(kBob + joint + "axis = [0, 0, 1]\ntype = \"planar\"\n"),
             Lines{"'bob' can move along every direction across z and turn about z"});
   EXPECT_EQ(loose(kBob + joint + "type = \"fixed\"\n"), Lines{});
 }

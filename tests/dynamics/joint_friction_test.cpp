@@ -56,8 +56,8 @@ once = true
   const Simulation s =
       simulated(incline(0, "coefficient = 0.2, static = 0.4, slip_speed = 1e-4, stribeck_speed = 2e-3", pull));
   ASSERT_EQ(s.summary().events.size(), 1U);
-  // mu has its maximum, nearly 0.4, at 2 to 3 slip speeds; from there to 0.02 takes some ms.
-  EXPECT_NEAR(s.summary().events[0].t, 0.4 * 30 / 6, 0.02);
+  // mu has its maximum, 0.4, at 2 to 3 slip speeds; from there to 0.02 takes some 20 ms.
+  EXPECT_NEAR(s.summary().events[0].t, 0.4 * 30 / 6, 0.03);
   EXPECT_NEAR(s.value("rail.friction_force"), 0.2 * 30, 1e-6);
 }
 

@@ -35,8 +35,8 @@ std::string with_event(const std::string& keys) { return kModel + "[events.bang]
 
 std::string with_hinge(const std::string& keys) {
   std::string text = kModel;
-  const std::string end = "\"bob\"], at = [0, 0, 0] }\nball";
-  return text.replace(text.find(end), end.size(), "\"bob\"], at = [0, 0, 0], " + keys + " }\nball");
+  const std::string end = "\"bob\"], at = [0, 0, 0], axis = [0, 0, 1] }\nball";
+  return text.replace(text.find(end), end.size(), "\"bob\"], at = [0, 0, 0], axis = [0, 0, 1], " + keys + " }\nball");
 }
 
 std::vector<Mistake> force_mistakes() {

@@ -146,10 +146,11 @@ position = [1, 0, 0]
 end = 0.01
 [joints.j]
 )";
-  const std::string pair = "bodies = [\"one\", \"two\"]\nat = [0.5, 0, 0]\n";
-  const std::string apart = "a = { body = \"one\" }\nb = { body = \"two\" }\n";
+  const std::string pair = "bodies = [\"one\", \"two\"]\nat = [0.5, 0, 0]\naxis = [0, 0, 1]\n";
+  const std::string apart = "a = { body = \"one\", axis = [0, 0, 1] }\nb = { body = \"two\" }\n";
   const std::string four =
-      "a = { body = \"ground\" }\nb = { body = \"one\" }\nc = { body = \"ground\" }\nd = { body = \"two\" }\n";
+      "a = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = \"one\" }\nc = { body = \"ground\", axis = [0, 0, 1] "
+      "}\nd = { body = \"two\" }\n";
   struct Case {
     std::string type, keys;
     int freedom;

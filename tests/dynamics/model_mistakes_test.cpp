@@ -35,7 +35,8 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"unknown body", replaced(p, "\"ground\", \"bob\"", "\"ground\", \"bop\""), {"bop", "did you mean 'bob'"}},
       {"unknown section", p + "[joint.x]\n", {"joint", "did you mean 'joints'"}},
       {"unknown marker",
-       replaced(p, "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]", "a = \"here\"\nb = { body = \"bob\" }"),
+       replaced(p, "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]",
+                "a = \"here\"\nb = { body = \"bob\" }"),
        {"unknown marker 'here'"}},
       {"circle",
        p + "[markers]\nx = { same_as = \"y\" }\ny = { same_as = \"z\" }\nz = { same_as = \"x\" }\n",
@@ -43,7 +44,7 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"double name", p + "[markers.bob]\nbody = \"ground\"\n", {"'bob' is taken", "bodies.bob"}},
       {"no integrator", p.substr(0, p.find("[integrator]")), {"[integrator]"}},
       {"no bodies", "[integrator]\nend = 1\n", {"no bodies"}},
-      {"end before start", replaced(p, "end = 1", "end = -1"), {"model.toml:14", "later than the start"}},
+      {"end before start", replaced(p, "end = 1", "end = -1"), {"model.toml:15", "later than the start"}},
       {"unknown quantity",
        p + "[output]\nquantities = [\"bob.positon.x\"]\n",
        {"bob.positon.x", "did you mean 'position'"}},
@@ -51,13 +52,13 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"unknown solver option", p + "[solver]\ndevise = \"cpu\"\n", {"devise"}},
       {"missing mesh",
        replaced(solid, "{ part = \"block\", divisions = [1, 1, 1] }", "{ file = \"none.msh\" }"),
-       {"model.toml:15", "none.msh", "relative to the folder"}},
+       {"model.toml:16", "none.msh", "relative to the folder"}},
       {"unknown part", replaced(solid, "\"block\"", "\"blok\""), {"did you mean 'block'"}},
       {"bad material", replaced(solid, "poisson = 0.3", "poisson = 0.5"), {"poisson", "(-1, 0.5)"}},
       {"unknown material",
        replaced(solid, "{ young = 1e9, poisson = 0.3, density = 1000 }", "\"steel\""),
        {"unknown material 'steel'"}},
-      {"flexible without place", solid + "[markers.m]\nbody = \"block\"\n", {"model.toml:19", "say where"}},
+      {"flexible without place", solid + "[markers.m]\nbody = \"block\"\n", {"model.toml:20", "say where"}},
       {"unknown face", solid + "[markers.m]\nbody = \"block\"\nface = \"x2\"\n", {"x2", "x1"}},
       {"node with axes",
        solid + "[joints.k]\ntype = \"revolute\"\na = { body = \"ground\", axis = [0, 0, 1] }\nb = { body = \"block\", "
@@ -77,7 +78,7 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"date", "when = 2020-01-01\n" + p, {"model.toml:1", "dates"}},
       {"more elements than numbers",
        replaced(solid, "[1, 1, 1]", "[2000000000, 1, 1]"),
-       {"model.toml:18", "divisions", "1e+08"}},
+       {"model.toml:19", "divisions", "1e+08"}},
       {"elements beyond all memory",
        replaced(solid, "[1, 1, 1]", "[1000, 1000, 1000]"),
        {"divisions", "1e+09 elements"}},
@@ -86,9 +87,9 @@ mesh = { part = "block", divisions = [1, 1, 1] }
        p + "[bodies.c]\ntype = \"cable\"\nstart = [0, 0, 0]\nend = [1, 0, 0]\nelements = 2000000000\naxial = "
            "1\nbending "
            "= 1\nmass_per_length = 1\n",
-       {"model.toml:19", "bodies.c.elements", "1e+08"}},
-      {"steps between nothing", p + "max_step = 0.01\nmin_step = 1\n", {"model.toml:16", "min_step", "max_step"}},
-      {"endless outputs", p + "[output]\nvtu_interval = 1e-30\n", {"model.toml:15", "1e-30", "every step"}},
+       {"model.toml:20", "bodies.c.elements", "100000000"}},
+      {"steps between nothing", p + "max_step = 0.01\nmin_step = 1\n", {"model.toml:17", "min_step", "max_step"}},
+      {"endless outputs", p + "[output]\nvtu_interval = 1e-30\n", {"model.toml:16", "1e-30", "every step"}},
       {"component of a component",
        p + "[output]\nquantities = [\"bob.position.x.y\"]\n",
        {"bob.position.x.y", "only one of x, y, z, norm"}},
@@ -97,12 +98,12 @@ mesh = { part = "block", divisions = [1, 1, 1] }
        {"hinge.coordinate.x", "number without components"}},
       {"spring without length",
        p + "[forces.s]\ntype = \"spring\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\nstiffness = 1\n",
-       {"model.toml:15", "forces.s", "no direction"}},
+       {"model.toml:16", "forces.s", "no direction"}},
       {"function without value",
        p + "[joints.m]\ntype = \"rotation-motor\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, "
            "1]\nmotion = \"sqrt(t - "
            "1)\"\n",
-       {"model.toml:15", "joints.m", "\"sqrt(t - 1)\"", "not a finite number at t = 0"}},
+       {"model.toml:16", "joints.m", "\"sqrt(t - 1)\"", "not a finite number at t = 0"}},
   };
 }
 
@@ -170,7 +171,7 @@ TEST(ModelMistakes, InvertedElementOfAMeshFileIsNamed) {
                                                  folder.path() + "/bad.inp\" }\n",
                                              "model.toml");
   EXPECT_EQ(status.code, StatusCode::invalid_input);
-  for (const std::string word : {"model.toml:15", "bodies.block", "77"})
+  for (const std::string word : {"model.toml:16", "bodies.block", "77"})
     EXPECT_NE(status.message.find(word), std::string::npos) << status.message;
 }
 

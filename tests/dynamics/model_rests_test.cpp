@@ -136,7 +136,7 @@ end = 1
 )",
                                     "model.toml");
   EXPECT_EQ(status.code, StatusCode::invalid_input);
-  for (const char* part : {"model.toml:10", "'bob.' begins a quantity", "function of t alone", "torque-motor"})
+  for (const char* part : {"model.toml:11", "'bob.' begins a quantity", "function of t alone", "torque-motor"})
     EXPECT_NE(status.message.find(part), std::string::npos) << status.message;
 }
 

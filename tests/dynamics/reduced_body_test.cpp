@@ -38,7 +38,7 @@ wall = { body = "block", face = "x0" }
 tip = { body = "block", face = "x1", axis = [0, 0, 1] }
 corner = { body = "block", near = [1, 0.2, 0.3] }
 [joints]
-clamp = { type = "fixed", a = { body = "ground" }, b = "wall" }
+clamp = { type = "fixed", attach = "mean", a = { body = "ground" }, b = "wall" }
 pin = { type = "revolute", a = "tip", b = { body = "weight" } }
 [forces]
 spring = { type = "spring", a = "corner", b = { body = "ground", point = [1, 2, 1] }, stiffness = 3, damping = 0.5, rest = 1 }
@@ -193,8 +193,8 @@ position = [1.05, 0, 0]
 wall = { body = "block", face = "x0" }
 tip = { body = "block", face = "x1" }
 [joints]
-clamp = { type = "fixed", a = { body = "ground" }, b = "wall" }
-load = { type = "fixed", a = "tip", b = { body = "weight" } }
+clamp = { type = "fixed", attach = "mean", a = { body = "ground" }, b = "wall" }
+load = { type = "fixed", attach = "mean", a = "tip", b = { body = "weight" } }
 [integrator]
 end = 1
 )";

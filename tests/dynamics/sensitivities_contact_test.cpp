@@ -63,6 +63,29 @@ TEST(SensitivitiesOfContacts, FrictionSlidesAndSticks) {
   EXPECT_NEAR(rests.derivative("c.friction_force", friction), 0, 1e-2);  // nothing pulls any more
 }
 
+// A block that friction stops at x = v^2 / (2 mu g), long before the end: dx/dv = v / (mu g), dx/dmu = -x / mu, at any
+// tolerance; a run beside it finds nothing to say.
+TEST(SensitivitiesOfContacts, OfABlockThatHasStopped) {
+  constexpr double kFriction = 0.2, kGravity = 9.81;
+  for (const double tolerance : {1e-5, 1e-6, 1e-8}) {
+    const SensitivityResult r = differentiated(
+        fmt::format("gravity = [0, 0, -9.81]\n[bodies.block]\ntype = \"rigid\"\nmass = 2\ninertia = [1e6, 1e6, "
+                    "1e6]\nposition = [0, 0, {:.17g}]\nvelocity = [1, 0, 0]\n[surfaces.block]\nbody = "
+                    "\"block\"\nshape = \"sphere\"\nradius = 0.1\n[surfaces.floor]\nbody = \"ground\"\nshape = "
+                    "\"plane\"\n[contacts.rub]\nsurfaces = [\"floor\", \"block\"]\nstiffness = 1e7\nfriction = "
+                    "0.2\ntangential_damping = 1e3\n[integrator]\nend = 1\nrelative = {:g}\nabsolute = "
+                    "{:g}\n[output]\nquantities = [\"block.position.x\"]\n",
+                    0.1 - 2 * kGravity / 1e7, tolerance, tolerance / 100),
+        {{"bodies.block.velocity.0"}, {"contacts.rub.friction"}});
+    const double stop = 1 / (2 * kFriction * kGravity);
+    EXPECT_NEAR(r.derivative("block.position.x", "bodies.block.velocity.0"), 2 * stop, 2e-3 * stop) << tolerance;
+    EXPECT_NEAR(r.derivative("block.position.x", "contacts.rub.friction"), -stop / kFriction, 1e-2 * stop) << tolerance;
+    EXPECT_LT(r.defect, 1e-6);
+    for (const std::string& notice : r.summary.notices)
+      EXPECT_EQ(notice.find("derivatives"), std::string::npos) << notice;
+  }
+}
+
 // What met the floor with v parts with r v: dz/dr = v s, dz/dh = r g s / v - (r v - g s) / v, s since then; both but
 // for the time of the touch.
 TEST(SensitivitiesOfContacts, Restitution) {

@@ -58,7 +58,7 @@ TEST(Switches, BallBeginsToRollAtEveryTolerance) {
     const Simulation s = simulated(on_floor(0.008, 1, "friction = 0.1\ntangential_damping = 2e3") +
                                    tolerances(kEnd, relative, absolute));
     EXPECT_NEAR(s.value("ball.position.x"), x, 3e-6 + 30 * relative) << relative << ", " << absolute;
-    EXPECT_NEAR(s.value("ball.angular_velocity.y"), 50.0 / 7, 2e-5 + 300 * relative) << relative << ", " << absolute;
+    EXPECT_NEAR(s.value("ball.angular_velocity.y"), 50.0 / 7, 4e-5 + 300 * relative) << relative << ", " << absolute;
   });
 }
 
@@ -83,7 +83,8 @@ TEST(Switches, ShortBlowsAreMet) {
     for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
       const Simulation s = simulated(free_mass("[forces.blow]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") +
                                      blow.factor + "\", 0, 0]\n" + spline + tolerances(8, tolerance, tolerance));
-      EXPECT_NEAR(s.value("m.velocity.x"), blow.impulse / 2, 20 * tolerance + 1e-9) << blow.factor << ", " << tolerance;
+      EXPECT_NEAR(s.value("m.velocity.x"), blow.impulse / 2, 200 * tolerance + 1e-9)
+          << blow.factor << ", " << tolerance;
       EXPECT_LT(s.summary().steps, 3000) << blow.factor;
     }
   }
@@ -97,7 +98,7 @@ TEST(Switches, NarrowFieldsAreMet) {
     const Simulation s = simulated(
         free_mass("velocity = [1, 0, 0]\n[forces.field]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") + field +
         "\", 0, 0]\n" + tolerances(8, tolerance, tolerance));
-    EXPECT_NEAR(s.value("m.velocity.x"), std::sqrt(1 + 0.1), 50 * tolerance) << tolerance;
+    EXPECT_NEAR(s.value("m.velocity.x"), std::sqrt(1 + 0.1), 200 * tolerance) << tolerance;
   }
 }
 

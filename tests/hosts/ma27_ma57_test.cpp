@@ -158,6 +158,38 @@ TYPED_TEST(Handleless, SingularIsAWarning) {
   EXPECT_EQ(host.negative(), a.negative);
 }
 
+// [I A^T; A 0] with more rows of A than columns, as Ipopt's least squares start: structurally singular. Nothing is
+// rounded: the bound of a zero pivot that these interfaces set, 1e-20, knows no other zeros.
+Kkt least_squares(int columns, int rows) {
+  Kkt a;
+  a.n = columns + rows;
+  a.negative = columns;
+  for (int c = 0; c < columns; ++c) {
+    a.rows.push_back(c + 1);
+    a.values.push_back(1);
+    for (int r = 0; r < rows; ++r) {
+      if (r % columns != c) continue;
+      a.rows.push_back(columns + r + 1);
+      a.values.push_back(r == c ? 2 : -1);
+    }
+    a.pointers.push_back(a.entries() + 1);
+  }
+  a.pointers.resize(static_cast<std::size_t>(a.n) + 1, a.entries() + 1);
+  return a;
+}
+
+TYPED_TEST(Handleless, StructurallySingularIsAWarningWithTheRank) {
+  for (const auto& [columns, rows] : {std::pair(1, 3), std::pair(10, 25), std::pair(60, 300)}) {
+    const Kkt a = least_squares(columns, rows);
+    TypeParam host(a);
+    ASSERT_EQ(host.analyse(), 0);
+    EXPECT_EQ(host.factorize(a.values), TypeParam::kSingular);
+    EXPECT_EQ(host.rank(), 2 * columns);
+    EXPECT_EQ(host.negative(), columns);
+    EXPECT_LT(host.error(a), 1e-10);
+  }
+}
+
 // Coordinates in any order, of either triangle, repeated, and some that are none.
 TYPED_TEST(Handleless, CoordinatesOfAnySort) {
   Kkt a = kkt(30, 9);

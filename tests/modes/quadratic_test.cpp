@@ -11,7 +11,7 @@ namespace {
 
 using Complex = std::complex<double>;
 
-SparseMatrix sparse(const Eigen::MatrixXd& a) {
+SparseMatrix general(const Eigen::MatrixXd& a) {
   SparseMatrix out;
   out.rows = static_cast<Index>(a.rows());
   out.cols = static_cast<Index>(a.cols());
@@ -58,7 +58,7 @@ void expect_dense(const Eigen::MatrixXd& k, const Eigen::MatrixXd& c, const Eige
   options.count = count;
   options.shift = shift;
   options.solver.threads = 1;
-  const QuadraticModesResult r = find_quadratic_modes(sparse(k), sparse(c), sparse(m), options);
+  const QuadraticModesResult r = find_quadratic_modes(general(k), general(c), general(m), options);
   ASSERT_TRUE(r.status.ok()) << r.status.message;
   ASSERT_EQ(r.count(), count);
   const std::vector<Complex> truth = dense(k, c, m, shift);
@@ -99,14 +99,14 @@ TEST(QuadraticModes, OfOneMassAndAConstraint) {
   k(1, 2) = k(2, 1) = 1;  // x_1 = 0
   QuadraticModesOptions options;
   options.count = 1;
-  const QuadraticModesResult r = find_quadratic_modes(sparse(k), sparse(c), sparse(m), options);
+  const QuadraticModesResult r = find_quadratic_modes(general(k), general(c), general(m), options);
   ASSERT_TRUE(r.status.ok()) << r.status.message;
   EXPECT_LT(std::abs(r.eigenvalues[0] - Complex(-0.2, std::sqrt(4 - 0.04))), 1e-12);
   EXPECT_LT(std::abs(r.vectors[1]), 1e-12);
 }
 
 TEST(QuadraticModes, SaysWhatCannotBe) {
-  const SparseMatrix a = sparse(chain(4, 1)), zero = sparse(Eigen::MatrixXd::Zero(4, 4)), b = sparse(chain(3, 1));
+  const SparseMatrix a = general(chain(4, 1)), zero = general(Eigen::MatrixXd::Zero(4, 4)), b = general(chain(3, 1));
   QuadraticModesOptions options;
   options.count = 2;
   EXPECT_EQ(find_quadratic_modes(a, zero, b, options).status.code, StatusCode::invalid_input);
@@ -115,7 +115,7 @@ TEST(QuadraticModes, SaysWhatCannotBe) {
   EXPECT_EQ(find_quadratic_modes(a, zero, a, options).status.code, StatusCode::invalid_input);
   options.count = 9;  // more than there are: all of them
   EXPECT_EQ(find_quadratic_modes(a, zero, a, options).count(), 4);
-  const SparseMatrix many = sparse(chain(200, 1)), none = sparse(Eigen::MatrixXd::Zero(200, 200));
+  const SparseMatrix many = general(chain(200, 1)), none = general(Eigen::MatrixXd::Zero(200, 200));
   options.count = 201;
   EXPECT_EQ(find_quadratic_modes(many, none, many, options).status.code, StatusCode::invalid_input);
   options.count = 1;
@@ -140,7 +140,7 @@ TEST(QuadraticModes, OfABicycle) {
     QuadraticModesOptions options;
     options.count = 4;
     const QuadraticModesResult r =
-        find_quadratic_modes(sparse(9.81 * k0 + speed * speed * k2), sparse(speed * c1), sparse(m), options);
+        find_quadratic_modes(general(9.81 * k0 + speed * speed * k2), general(speed * c1), general(m), options);
     ASSERT_TRUE(r.status.ok()) << r.status.message;
     ASSERT_EQ(r.count(), static_cast<Index>(truth.size()));
     for (const Complex& l : r.eigenvalues) {
@@ -169,9 +169,9 @@ TEST(QuadraticModes, AllOfSmallSystems) {
     QuadraticModesOptions options;
     options.count = n;
     options.shift = -0.01;
-    const QuadraticModesResult plain = find_quadratic_modes(sparse(k), sparse(0.01 * m), sparse(m), options);
+    const QuadraticModesResult plain = find_quadratic_modes(general(k), general(0.01 * m), general(m), options);
     const QuadraticModesResult other =
-        find_quadratic_modes(sparse(scaled(k)), sparse(scaled(0.01 * m)), sparse(scaled(m)), options);
+        find_quadratic_modes(general(scaled(k)), general(scaled(0.01 * m)), general(scaled(m)), options);
     ASSERT_TRUE(other.status.ok()) << n << other.status.message;
     ASSERT_EQ(plain.count(), other.count());
     for (Index i = 0; i < plain.count(); ++i) {
@@ -182,7 +182,7 @@ TEST(QuadraticModes, AllOfSmallSystems) {
   const Eigen::MatrixXd unit = Eigen::MatrixXd::Identity(4, 4);
   QuadraticModesOptions options;
   options.count = 8;
-  const QuadraticModesResult r = find_quadratic_modes(sparse(4 * unit), sparse(0.1 * unit), sparse(unit), options);
+  const QuadraticModesResult r = find_quadratic_modes(general(4 * unit), general(0.1 * unit), general(unit), options);
   ASSERT_TRUE(r.status.ok()) << r.status.message;
   EXPECT_EQ(r.count(), 4);  // one of each pair
   for (const Complex& l : r.eigenvalues) EXPECT_LT(std::abs(l - Complex(-0.05, std::sqrt(4 - 0.0025))), 1e-13);
@@ -218,7 +218,7 @@ TEST(QuadraticModes, AllBesideConstraints) {
     QuadraticModesOptions options;
     options.count = 2 * size;
     options.shift = -0.01;
-    const QuadraticModesResult r = find_quadratic_modes(sparse(k), sparse(c), sparse(m), options);
+    const QuadraticModesResult r = find_quadratic_modes(general(k), general(c), general(m), options);
     ASSERT_TRUE(r.status.ok()) << r.status.message;
     ASSERT_EQ(r.eigenvalues.size(), truth.size()) << n;
     for (std::size_t i = 0; i < truth.size(); ++i) {

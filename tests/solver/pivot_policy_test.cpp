@@ -120,5 +120,20 @@ TEST(PivotsToMove, TheLastTileOfARootHasNowhereToGo) {
   EXPECT_TRUE(pivots_to_move(chain(), outcome({6, 7})).empty());
 }
 
+// A column of lu that vanished with a row that others may need goes behind them in a root, with that row to a parent.
+TEST(PivotsToMove, ZerosThatTookRowsStandLast) {
+  device::FactorOutcome o = outcome({0}, {0});
+  o.replaced_rows = {1};
+  EXPECT_EQ(pivots_to_move(chain(), o, true), (std::vector<Index>{0, 1}));
+  o = outcome({6}, {6, 7});
+  o.replaced_rows = {6, 7};
+  EXPECT_EQ(pivots_to_move(chain(), o, true), (std::vector<Index>{6}));
+  o = outcome({7}, {7});
+  o.replaced_rows = {7};
+  EXPECT_TRUE(pivots_to_move(chain(), o, true).empty());
+  EXPECT_TRUE(pivots_to_move(chain(), outcome({}, {2}), true).empty()) << "nothing that others need";
+  EXPECT_TRUE(unstable_pivots(o).empty());
+}
+
 }  // namespace
 }  // namespace espalier::solver

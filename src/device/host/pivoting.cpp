@@ -202,9 +202,9 @@ void mark_rows(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth) {
   const auto of_zero = static_cast<RealOf<T>>(largest_zero(s.rule));
   for (Index k = 0; k < n; ++k) {
     if (growth[k] <= of_zero) continue;
-    std::atomic_ref<char> state(s.column_state[at + k]), row(s.column_state[at + s.pivot_order[at + k]]);
+    std::atomic_ref<char> state(s.column_state[at + k]);
     if ((state.load(std::memory_order_relaxed) & kColumnReplaced) != 0)
-      row.fetch_or(kColumnFailed, std::memory_order_relaxed);
+      state.fetch_or(kColumnFailed, std::memory_order_relaxed);
   }
 }
 

@@ -76,8 +76,8 @@ void mark_growth(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth)
 /// lu: whether some of the pivots was replaced by PivotRule::in_place_of_zero; then mark_rows() wants to know of U.
 template <class T>
 bool has_parted(const NumericState<T>& s, Index at, Index n);
-/// Marks the rows of such pivots whose entries of U (max magnitude in `growth`, n values) are no zeros: others may need
-/// them as pivots.
+/// Marks such pivots of which the row that they took has entries of U (max magnitude in `growth`, n values) that are no
+/// zeros: others may need it as pivot.
 template <class T>
 void mark_rows(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth);
 

@@ -1,5 +1,6 @@
 #include "dynamics/constraints/redundancy.hpp"
 
+#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -151,18 +152,43 @@ std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstS
   return RowElimination(phi_q, values, tolerance, most_partners).run();
 }
 
-std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
+std::vector<double> RedundancyGuard::scaled_rows(double t, ConstSpan q, std::vector<double>& sizes) {
   System& system = equations_.system();
   std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
   const SparsePattern& p = system.constraint_pattern();
-  const std::vector<double> sizes = coordinate_sizes(system, q);
-  for (std::size_t k = 0; k < values.size(); ++k) values[k] *= sizes[at(p.ind[k])];
-  for (Index row = 0; row < p.rows; ++row)
-    if (absent(row)) std::fill(values.begin() + p.ptr[at(row)], values.begin() + p.ptr[at(row) + 1], 0.0);
+  const std::vector<char> lengths = length_coordinates(system, q);
+  std::vector<double> magnitude(lengths.size());
+  system.magnitude(q, magnitude);
+  double extent = 0;
+  for (std::size_t i = 0; i < lengths.size(); ++i)
+    if (lengths[i] != 0) extent = std::max(extent, magnitude[i]);
+  for (Index row = 0; row < p.rows; ++row) {
+    double way = 0, arm = 0;
+    for (Offset e = p.ptr[at(row)]; e < p.ptr[at(row) + 1]; ++e) {
+      double& most = lengths[at(p.ind[at(e)])] != 0 ? way : arm;
+      most = std::max(most, std::abs(values[at(e)]));
+    }
+    if (way > 0) extent = std::max(extent, arm / way);
+  }
+  for (std::size_t k = 0; k < values.size(); ++k)
+    if (lengths[at(p.ind[k])] != 0 && extent > 0) values[k] *= extent;
+  sizes.assign(at(p.rows), 0.0);
+  for (Index row = 0; row < p.rows; ++row) {
+    double& size = sizes[at(row)];
+    for (Offset e = p.ptr[at(row)]; e < p.ptr[at(row) + 1]; ++e) size = std::max(size, std::abs(values[at(e)]));
+    for (Offset e = p.ptr[at(row)]; e < p.ptr[at(row) + 1]; ++e)
+      values[at(e)] = absent(row) || size == 0 ? 0 : values[at(e)] / size;
+  }
+  return values;
+}
+
+std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
-  std::vector<DependentRow> rows = find_dependent_rows(p, values, options_.tolerance, kMostPartners);
+  std::vector<double> sizes;
+  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(),
+                                                       scaled_rows(t, q, sizes), options_.tolerance, kMostPartners);
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }
@@ -248,12 +274,38 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
   }
 }
 
+// With rows and multipliers scaled to mu_i = s_i lambda_i, Phi_q^T n = 0 for n = e_row - sum weight e_partner of each
+// row left out: mu + N y with the least length.
+void RedundancyGuard::share_reactions(State& state) {
+  constexpr std::size_t kMostLeftOut = 200, kMostRows = 3000;
+  constexpr double kDependent = 1e-6;  // looser than for the decision: joints do not hold exactly
+  if (redundant_.empty() || redundant_.size() > kMostLeftOut || state.lambda.size() > kMostRows) return;
+  std::vector<double> sizes;
+  const std::vector<double> values = scaled_rows(state.t, state.q, sizes);
+  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(), values, kDependent);
+  std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row) || equations_.dropped()[at(d.row)] == 0; });
+  if (rows.empty()) return;
+  const auto m = static_cast<Eigen::Index>(state.lambda.size()), count = static_cast<Eigen::Index>(rows.size());
+  Eigen::MatrixXd null = Eigen::MatrixXd::Zero(m, count);
+  for (Eigen::Index j = 0; j < count; ++j) {
+    const DependentRow& d = rows[static_cast<std::size_t>(j)];
+    null(d.row, j) = 1;
+    for (std::size_t k = 0; k < d.partners.size(); ++k) null(d.partners[k], j) = -d.weights[k];
+  }
+  for (double& size : sizes) size = size > 0 ? size : 1;
+  const Eigen::Map<const Eigen::VectorXd> s(sizes.data(), m);
+  Eigen::Map<Eigen::VectorXd> lambda(state.lambda.data(), m);
+  const Eigen::VectorXd mu = s.cwiseProduct(lambda);
+  lambda += (null * null.colPivHouseholderQr().solve(-mu)).cwiseQuotient(s);
+}
+
 std::vector<std::string> RedundancyGuard::notices() const {
   std::vector<std::string> lines;
   for (const RedundantConstraint& r : redundant_) {
     std::string line = r.name + " is redundant and is left out; it follows from ";
     for (std::size_t k = 0; k < r.partners.size(); ++k) line += (k == 0 ? "" : ", ") + r.partners[k];
-    lines.push_back(r.partners.empty() ? r.name + " is redundant and is left out" : line);
+    if (r.partners.empty()) line = r.name + " is redundant and is left out";
+    lines.push_back(line + " (reactions are not determined: those of least norm are given)");
   }
   return lines;
 }

@@ -62,6 +62,11 @@ class RedundancyGuard {
   /// @throws espalier::Error that names the pair if they contradict the others by more than `inconsistency`
   void check(const State& state, bool at_rest = false);
 
+  /// Reactions that constraints left out could bear as well as others are not determined by the motion. Makes those of
+  /// least norm of the multipliers, which fit the same accelerations: sum (s_i lambda_i)^2, s_i the largest entry of a
+  /// row by lengths (rotations times the extent of the model). As it is where there are very many.
+  void share_reactions(State& state);
+
   [[nodiscard]] const std::vector<RedundantConstraint>& redundant() const { return redundant_; }
   /// Lines for the log, one per constraint left out.
   [[nodiscard]] std::vector<std::string> notices() const;
@@ -69,6 +74,9 @@ class RedundancyGuard {
   [[nodiscard]] Index degrees_of_freedom() const;
 
  private:
+  /// Entries of Phi_q, those of lengths times the extent of the model (positions, and arms of the constraints), over
+  /// the largest of each row (`sizes`); zero in absent rows.
+  [[nodiscard]] std::vector<double> scaled_rows(double t, ConstSpan q, std::vector<double>& sizes);
   [[nodiscard]] std::vector<DependentRow> dependent_at(double t, ConstSpan q);
 
   Equations& equations_;

@@ -22,7 +22,7 @@ double RigidContact::unseen(const StepPath& path) {
   if (!active()) return 1;
   move_to(path.end().q, path.end().v);
   const double turning = law_.rubs() ? turning_share(path) : 1;
-  return std::min(turning, law_.impulse ? 1 : passing_share(path));
+  return std::min(turning, passing_share(path));
 }
 
 RigidContact::Meeting RigidContact::meeting(const Pair& pair, const State& s, double reach) const {

@@ -78,11 +78,15 @@ class Search {
     return sum;
   }
 
+  [[nodiscard]] static bool is_next(double side, double other) { return std::abs(side - other) < 1.25; }
+
   /// What lies on a switch within the step is taken for the side that it comes from.
   void settle() {
     for (std::size_t i = 1; i + 1 < samples_.size(); ++i)
       for (std::size_t k = 0; k < samples_[i].sides.size(); ++k)
-        if (on_switch(samples_[i].values[k], samples_[i].sides[k])) samples_[i].sides[k] = samples_[i - 1].sides[k];
+        if (double& side = samples_[i].sides[k];
+            on_switch(samples_[i].values[k], side) && is_next(side, samples_[i - 1].sides[k]))
+          side = samples_[i - 1].sides[k];
   }
 
   /// Parabolas through three samples in a row: where one turns round towards the switch it is looked at once more.

@@ -202,12 +202,27 @@ void refuse(double change, double allowed, const char* what) {
 
 }  // namespace
 
+std::vector<char> length_coordinates(const System& system, ConstSpan q) {
+  // An angle's magnitude is 1 whatever the configuration.
+  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity)), other = sizes,
+                                                                                moved(q.begin(), q.end());
+  for (double& x : moved) x *= 1.01;
+  system.magnitude(q, sizes);
+  system.magnitude(moved, other);
+  std::vector<char> marks(sizes.size());
+  for (std::size_t i = 0; i < sizes.size(); ++i) marks[i] = sizes[i] != 1 || other[i] != 1 ? 1 : 0;
+  return marks;
+}
+
 std::vector<double> coordinate_sizes(const System& system, ConstSpan q) {
   std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity));
   system.magnitude(q, sizes);
-  const double extent = max_norm(sizes);
-  for (double& size : sizes)
-    if (size != 1) size = extent > 0 ? extent : 1;
+  const std::vector<char> lengths = length_coordinates(system, q);
+  double extent = 0;
+  for (std::size_t i = 0; i < sizes.size(); ++i)
+    if (lengths[i] != 0) extent = std::max(extent, sizes[i]);
+  for (std::size_t i = 0; i < sizes.size(); ++i)
+    if (lengths[i] != 0) sizes[i] = extent > 0 ? extent : 1;
   return sizes;
 }
 

@@ -27,6 +27,8 @@ struct ConsistencyResult {
   Levels levels;
 };
 
+/// Marks of velocity coordinates that are lengths, not angles or gradients.
+[[nodiscard]] std::vector<char> length_coordinates(const System& system, ConstSpan q);
 /// A typical size of each velocity coordinate: 1 of angles and gradients, the extent of the model of lengths. n
 /// numbers.
 [[nodiscard]] std::vector<double> coordinate_sizes(const System& system, ConstSpan q);

@@ -14,14 +14,15 @@
 namespace espalier::dynamics {
 namespace {
 
-constexpr int kMostPasses = 40;
+constexpr int kMostPasses = 60;
 constexpr double kLastChange = 1e-10;     // change of a pass over the largest derivative
 constexpr double kShrinks = 0.7;          // passes that gain less are at the rounding of the differences
 constexpr double kRoundingShare = 1e-13;  // change of a state by a whole step that is none, over its size
 constexpr int kFirstPasses = 4;           // before that is looked at
-constexpr double kRounding = 1e-7;        // changes below this that do not shrink are rounding
-constexpr int kMostPoor = 8;              // passes in a row that gain nothing
-constexpr double kSlow = 0.3;             // passes that shrink less are helped
+constexpr double kNoise = 1e-7;           // changes below this that do not shrink are rounding
+constexpr int kMostPoor = 15;             // passes in a row that gain nothing
+constexpr double kHelped = 0.3;           // passes that shrink less are helped
+constexpr int kTurns = 3;                 // poor passes, after which the tangent of a side is taken
 
 void add_to(std::vector<double>& x, double factor, const std::vector<double>& y) {
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += factor * y[i];
@@ -53,7 +54,8 @@ class PassMemory {
       of_g.col(j) = g_[k + 1] - g_[k];
     }
     const Eigen::VectorXd mix = of_change.colPivHouseholderQr().solve(change_.back());
-    return unpacked(to - of_g * mix, g);
+    const Eigen::VectorXd mixed = to - of_g * mix;
+    return mixed.allFinite() ? unpacked(mixed, g) : g;
   }
 
  private:
@@ -89,7 +91,7 @@ class PassMemory {
 
 ForwardSensitivity::ForwardSensitivity(Equations& nominal, const std::vector<ParameterSides>& parameters,
                                        bool remembers)
-    : nominal_(nominal), linear_(remembers ? parameters.front().above : &nominal) {
+    : nominal_(nominal), usual_(remembers ? parameters.front().above : &nominal), linear_(usual_) {
   for (const ParameterSides& p : parameters) {
     Side side;
     side.of = p;
@@ -246,9 +248,11 @@ ForwardSensitivity::Change ForwardSensitivity::pass(Side& side, const SidePast p
 }
 
 double ForwardSensitivity::relative(const Side& side, const Change& change) {
-  const auto over = [](double x, double size) { return x == 0 ? 0 : x / size; };
-  return std::max(over(change.q, std::max(side.size_q, side.nothing_q)),
-                  over(change.v, std::max(side.size_v, side.nothing_v)));
+  constexpr double kOfNothing = 0.004;  // changes that are rounding
+  const auto over = [](double x, double size, double nothing) {
+    return x <= kOfNothing * nothing ? 0 : x / std::max(size, nothing);
+  };
+  return std::max(over(change.q, side.size_q, side.nothing_q), over(change.v, side.size_v, side.nothing_v));
 }
 
 double ForwardSensitivity::defect() const {
@@ -257,13 +261,30 @@ double ForwardSensitivity::defect() const {
   return worst;
 }
 
+// Where friction sticks on one side and slips on the other, no tangent at the nominal state is that of their
+// difference. Each side's own is at least as stiff as that of the mean on one of them.
+void ForwardSensitivity::take_tangent_of(const Side& side, int above) {
+  linear_ = &equations(side, above);
+  const State& s = side.state[static_cast<std::size_t>(above)];
+  linear_->evaluate_constraints(s.t, s.q, s.v);
+  linear_->factorize(s.view(), {1, hp_, hp_ * hp_});
+}
+
+// With what a side remembers (where its springs hold on) its tangent at the nominal state may be that of a slip.
+void ForwardSensitivity::take_tangent(const State& now) {
+  if (usual_ != &nominal_) return take_tangent_of(sides_.front(), 1);
+  linear_ = usual_;
+  linear_->evaluate_constraints(now.t, now.q, now.v);
+  linear_->factorize(now.view(), {1, hp_, hp_ * hp_});
+}
+
 void ForwardSensitivity::settle(Side& side, const State& now, const SidePast past[2]) {
   place(side, now);
   side.nothing_q = std::max(side.nothing_q, kRoundingShare * max_norm(now.q) / side.of.step);
   side.nothing_v = std::max(side.nothing_v, kRoundingShare * max_norm(now.v) / side.of.step);
   Change change;
   double size = 0, least = std::numeric_limits<double>::infinity();
-  int poor = 0;
+  int poor = 0, turns = 0;
   PassMemory memory;
   for (int k = 0; k < kMostPasses; ++k) {
     const double before = size;
@@ -273,15 +294,22 @@ void ForwardSensitivity::settle(Side& side, const State& now, const SidePast pas
     if (!std::isfinite(size))
       throw Error(StatusCode::accuracy_not_reached, fmt::format("the sensitivities at t = {:g} are no numbers", now.t));
     const bool stands = size > kShrinks * std::min(before, least);
+    // A change of a state that is none: the sides do not see it.
+    const bool nothing = size < kNoise || (change.q <= side.nothing_q && change.v <= side.nothing_v);
     poor = stands ? poor + 1 : 0;
-    if (size <= kLastChange || (k >= kFirstPasses && stands && (size < kRounding || poor > kMostPoor))) break;
+    if (size <= kLastChange || (k >= kFirstPasses && stands && (nothing || poor > kMostPoor))) break;
     least = std::min(least, size);
-    // Where the tangent of the nominal system is not that of both sides (one sticks, one slips), passes alone diverge.
-    if (k > 0 && size > kSlow * before) memory.begin();
+    if (stands && poor % kTurns == 0 && !nothing && hp_ > 0) {
+      take_tangent_of(side, turns++ % 2 == 0 ? 1 : 0);
+      memory = {};
+      continue;
+    }
+    if (k > 0 && !nothing && size > kHelped * before) memory.begin();
     if (!memory.begun()) continue;
     side.s = memory.next(from, side.s);
     place(side, now);
   }
+  if (turns > 0) take_tangent(now);
   side.left = {std::max(side.left.q, change.q), std::max(side.left.v, change.v)};
 }
 
@@ -295,10 +323,12 @@ void ForwardSensitivity::step(const State& now, int order) {
   weights_.assign(points + 1, 0.0);
   derivative_weights(now.t, times, weights_);
   hp_ = 1 / weights_[0];
-  linear_->evaluate_constraints(now.t, now.q, now.v);
-  linear_->factorize(now.view(), {1, hp_, hp_ * hp_});
   for (Side& side : sides_) {
     predict(side);
+    place(side, now);
+  }
+  take_tangent(now);
+  for (Side& side : sides_) {
     const SidePast past[2] = {past_of(side, 0), past_of(side, 1)};
     settle(side, now, past);
     side.past.push_front(side.s);

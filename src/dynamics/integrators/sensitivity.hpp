@@ -86,11 +86,14 @@ class ForwardSensitivity {
   Change pass(Side& side, const SidePast past[2], const State& now);
   [[nodiscard]] static double relative(const Side& side, const Change& change);
   void predict(Side& side) const;
+  void take_tangent(const State& now);
+  void take_tangent_of(const Side& side, int above);
   void settle(Side& side, const State& now, const SidePast past[2]);
   [[nodiscard]] std::vector<double> times_w(const std::vector<double>& x) const;
 
   Equations& nominal_;
-  Equations* linear_;  // its K is factorized
+  Equations* usual_;   // whose K is factorized at the nominal state
+  Equations* linear_;  // whose K is, at present
   std::vector<Side> sides_;
   std::deque<Past> past_;
   std::vector<double> weights_;  // of the present formula; weights_[0] belongs to the new point

@@ -90,6 +90,28 @@ SparseMatrix magnitudes(SparseMatrix a) {
   return a;
 }
 
+/// (A - A^T) / 2, without what is rounding of sums.
+SparseMatrix skew_part(const SparseMatrix& a) {
+  constexpr double kRounding = 1e-11;
+  const auto entry = [&](Index i, Index j) {
+    const auto first = a.row_ind.begin() + a.col_ptr[vibration_at(j)],
+               end = a.row_ind.begin() + a.col_ptr[vibration_at(j) + 1];
+    const auto found = std::lower_bound(first, end, i);
+    return found != end && *found == i ? a.values[static_cast<std::size_t>(found - a.row_ind.begin())] : 0.0;
+  };
+  std::vector<double> diagonal;
+  for (Index j = 0; j < a.cols; ++j) diagonal.push_back(std::sqrt(std::abs(entry(j, j))));
+  SparseMatrix out = a;
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
+      const Index i = a.row_ind[vibration_at(k)];
+      const double half = 0.5 * (a.values[vibration_at(k)] - entry(j, i));
+      out.values[vibration_at(k)] =
+          std::abs(half) <= kRounding * diagonal[vibration_at(i)] * diagonal[vibration_at(j)] ? 0 : half;
+    }
+  return out;
+}
+
 /// The system in coordinates z of undamped modes x = X z: z'' + D z' + (diag(l) + N) z = 0.
 struct ModalSystem {
   Eigen::VectorXd l;         ///< 0 where rounding leaves nothing else
@@ -135,14 +157,33 @@ ModalSystem modal_system(Equations& equations, const State& state, Index count, 
   find_undamped(equations, a, count, solver, out);
   for (Eigen::Index i = 0; i < out.l.size(); ++i)
     if (std::abs(out.l[i]) <= kRounding * out.rounding[i]) out.l[i] = 0;
-  const Eigen::MatrixXd c = projected(a.stiffness, out.x);
-  out.n = (c - c.transpose()) / 2;
+  out.n = projected(skew_part(a.stiffness), out.x);
   out.d = projected(a.damping, out.x);
   if (max_norm(a.damping.values) == 0) return out;
   constexpr double kNothing = 1e-12;  // of the terms of a sum
   const Eigen::VectorXd terms = projected(magnitudes(a.damping), out.x.cwiseAbs()).diagonal().cwiseSqrt();
   out.d = (out.d.array().abs() <= kNothing * (terms * terms.transpose()).array()).select(0.0, out.d);
   return out;
+}
+
+/// The size of the eigenvalues that are sought.
+double typical_rate(const ModalSystem& s, Index count) {
+  const Eigen::Index known = std::min<Eigen::Index>(count, s.l.size());
+  const double stiff = std::sqrt(s.l.head(known).cwiseAbs().maxCoeff());
+  return stiff > 0 ? stiff : s.d.cwiseAbs().maxCoeff();
+}
+
+/// Motions without stiffness are not coupled to others by rounding of their shapes.
+void free_unresisted(ModalSystem& s, Index count) {
+  constexpr double kNothing = 1e-12;
+  const double rate = typical_rate(s, count);
+  const auto clear = [&](double& x, double least) { x = std::abs(x) <= least ? 0 : x; };
+  for (Eigen::Index i = 0; i < s.l.size(); ++i)
+    for (Eigen::Index j = 0; s.l[i] == 0 && j < s.l.size(); ++j)
+      for (const auto& [r, c] : {std::pair(i, j), std::pair(j, i)}) {
+        clear(s.d(r, c), kNothing * rate);
+        clear(s.n(r, c), kNothing * rate * rate);
+      }
 }
 
 /// Without N where it is that of a state not quite in equilibrium: nothing beside the stiffnesses of the modes.
@@ -166,18 +207,19 @@ std::vector<Mode> undamped(const Eigen::VectorXd& eigenvalues, const Eigen::Matr
   return modes;
 }
 
-/// A real number next to the slowest eigenvalues, and none of them.
-double slow_shift(const ModalSystem& s, const std::vector<Eigen::Index>& coupled) {
+/// A real number next to the slowest eigenvalues that are more than rounding beside the others, and none of them.
+double slow_shift(const ModalSystem& s, const std::vector<Eigen::Index>& coupled, double rate) {
+  constexpr double kSlowest = 1e-9;
   double slow = std::numeric_limits<double>::infinity();
   for (const Eigen::Index i : coupled) {
     const double stiff = std::sqrt(std::abs(s.l[i])), d = std::abs(s.d(i, i));
-    if (stiff > 0 || d > 0) slow = std::min(slow, stiff > 0 ? stiff : d);
+    if (stiff > 0 || d > 0) slow = std::min(slow, std::max(kSlowest * rate, stiff > 0 ? stiff : d));
   }
   return std::isinf(slow) ? -1 : -0.1234567 * slow;
 }
 
 // Eigenvalues of the first `size` coordinates, by modulus. Modes without stiffness that nothing couples are apart: 0.
-std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size) {
+std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size, Index count) {
   std::vector<Eigen::Index> coupled, free;
   for (Eigen::Index i = 0; i < size; ++i) {
     const auto any = [&](const Eigen::MatrixXd& a) { return a.row(i).head(size).any() || a.col(i).head(size).any(); };
@@ -187,13 +229,18 @@ std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size) {
   for (const Eigen::Index i : free) modes.push_back(vibration_of(0, s.x.col(i).cast<std::complex<double>>()));
   if (!coupled.empty()) {
     const Eigen::MatrixXd l = s.l(coupled).asDiagonal();
-    const double shift = slow_shift(s, coupled);
-    const auto found = espalier::modes::dense_quadratic_modes(l + s.n(coupled, coupled), s.d(coupled, coupled),
-                                                              Eigen::MatrixXd::Identity(l.rows(), l.rows()), shift);
+    const Eigen::MatrixXd k = l + s.n(coupled, coupled), d = s.d(coupled, coupled),
+                          m = Eigen::MatrixXd::Identity(l.rows(), l.rows());
+    const double shift = slow_shift(s, coupled, typical_rate(s, count));
+    const auto found = espalier::modes::dense_quadratic_modes(k, d, m, shift);
     for (Eigen::Index i = 0; i < found.eigenvalues.size(); ++i) {
-      const std::complex<double> e = found.eigenvalues[i];
-      modes.push_back(vibration_of(std::abs(e) <= 1e-12 * std::abs(shift) ? 0.0 : e,
-                                   s.x(Eigen::all, coupled) * found.vectors.col(i)));
+      std::complex<double> e = found.eigenvalues[i];
+      Eigen::VectorXcd z = found.vectors.col(i);
+      if (std::abs(e) <= 1e-12 * std::abs(shift))
+        e = 0;
+      else if (i < 2 * count)
+        espalier::modes::polish_quadratic_pair(k, d, m, e, z);
+      modes.push_back(vibration_of(e, s.x(Eigen::all, coupled) * z));
     }
   }
   std::stable_sort(modes.begin(), modes.end(),
@@ -253,18 +300,19 @@ Vibrations small_vibrations_by(Equations& equations, const State& state, Index c
   if (count <= 0 || free <= 0) return out;
   ModalSystem s = modal_system(equations, state, std::min(count, free), solver);
   drop_small_asymmetry(s);
+  free_unresisted(s, count);
   const bool plain = s.d.isZero(0) && s.n.isZero(0);
   if (!plain && solver != nullptr) s = modal_system(equations, state, std::min(3 * count + 40, free), solver);
   out.notice = s.notice;
   add_notice(out.notice, rounding_notice(s, count));
   const Eigen::Index size = s.l.size();
-  out.modes = plain ? undamped(s.l, s.x) : damped(s, size);
+  out.modes = plain ? undamped(s.l, s.x) : damped(s, size, count);
   if (!plain && size < free) {
     const Eigen::Index fewer = std::max<Eigen::Index>(count, 3 * size / 4);
     add_notice(out.notice,
                fmt::format("initial.modes: damping is taken in the space of {} undamped modes; with {} of them "
                            "eigenvalues differ by up to {:.1e}",
-                           size, fewer, largest_change(out.modes, damped(s, fewer), count)));
+                           size, fewer, largest_change(out.modes, damped(s, fewer, count), count)));
   }
   out.modes.resize(std::min(vibration_at(count), out.modes.size()));
   return out;

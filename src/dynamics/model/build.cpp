@@ -6,6 +6,7 @@
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/hold_joint.hpp"
 #include "dynamics/model/joint_frames.hpp"
 #include "dynamics/model/reach.hpp"
@@ -298,6 +299,7 @@ std::unique_ptr<Mechanism> build(const Description& model, int threads) {
   }
   result->keys = model.keys;
   for (const BuiltBody& body : result->bodies) {
+    if (const std::optional<std::string> notice = locking_notice(body)) result->notices.push_back(*notice);
     const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
     if (solid != nullptr && std::holds_alternative<MeshFile>(solid->mesh))
       result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),

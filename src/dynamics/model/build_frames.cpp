@@ -147,7 +147,7 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
   if (body == nullptr) unknown_body(m.body, m.place);
   std::unique_ptr<Frame> frame;
   at_place(m.place, [&] {
-    if (body->flexible != nullptr && m.attach == Attach::rigid) {
+    if (body->flexible != nullptr && body->reduced == nullptr && m.attach == Attach::rigid) {
       frame = make_rigid(m, *body);
     } else if (body->flexible != nullptr) {
       std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
@@ -257,6 +257,9 @@ std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
 }  // namespace
 
 std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody& body) const {
+  if (m.face.empty() && !m.bore && m.nodes.empty())
+    throw std::invalid_argument(
+        "attach = \"rigid\" needs a face, a bore or a node set, whose nodes are to be one rigid piece");
   if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no sets of nodes or faces", m.body));
   std::vector<Index> nodes =
       m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/dae/products.hpp"
+
 namespace espalier::dynamics::model {
 
 EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
@@ -30,6 +32,17 @@ EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
     return there.kinetic + there.potential;
   };
   out.power = e > 0 ? (total(e) - total(-e)) / (2 * e) : 0;
+  left_.resize(n);
+  equations_.evaluate_constraints(s.t, s.q, s.v);
+  system_.residual(s.view(), left_);
+  add_transposed(system_.constraint_pattern(), equations_.phi_q(), s.lambda, left_);
+  for (std::size_t i = 0; i < n; ++i) out.power -= s.v[i] * left_[i];
+  if (!seen_) {
+    std::fill(v_.begin(), v_.end(), speed_);
+    StateView slow = s.view();
+    slow.v = v_;
+    nothing_ = system_.energy(slow).kinetic;
+  }
   if (!seen_) lowest_ = highest_ = out.energy.potential;
   seen_ = true;
   kinetic_ = std::max(kinetic_, out.energy.kinetic);
@@ -41,6 +54,8 @@ EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
 void EnergyBalance::step(const State& s) {
   const double h = s.t - last_.t;
   if (!(h > 0)) return begin(s);
+  if (++passed_ < every_) return;
+  passed_ = 0;
   const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_of(s, h);
   const double work = 0.5 * h * (before.power + now.power);
   work_ += work;
@@ -55,7 +70,7 @@ double EnergyBalance::scale() const { return std::max({kinetic_, highest_ - lowe
 
 std::optional<std::string> EnergyBalance::notice() const {
   constexpr double kAllowed = 0.01;
-  if (!(std::abs(gain_) > kAllowed * scale() + uncertainty_)) return std::nullopt;
+  if (!(std::abs(gain_) > kAllowed * scale() + uncertainty_ + nothing_)) return std::nullopt;
   return fmt::format(
       "the steps of the integration {} {:.3g} of energy that no force explains, {:.1f} % of the largest of "
       "kinetic energy, change of potential energy and work ({:.3g}): the motion may be off by as much; "

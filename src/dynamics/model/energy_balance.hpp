@@ -11,17 +11,25 @@
 namespace espalier::dynamics::model {
 
 /// Along a motion q' = v, v' = a the energy changes by the power P = dE/dt of what is in no potential: dampers,
-/// friction, motors, moving supports. P follows at each time from the state that satisfies the equations of motion
-/// there, by a difference of the energy along (v, a). What the energy changes from step to step beside the integral of
-/// P (trapezoids) was made, or lost, by the steps themselves. Three evaluations of the energy a step.
+/// friction, motors, moving supports. P follows at each time from a difference of the energy along (v, a), less the
+/// power of what the equations of motion F = 0 leave there, v^T F: Newton's iteration ends before a is exact. What the
+/// energy changes from step to step beside the integral of P (trapezoids) was made, or lost, by the steps themselves.
+/// Three evaluations of the energy and one of F a step; of large systems, which are not to be slowed down by that, only
+/// at every 16th.
 class EnergyBalance {
  public:
-  explicit EnergyBalance(System& system) : system_(system) {}
+  /// @param speed  velocities below it are nothing (tolerance of the run)
+  EnergyBalance(Equations& equations, double speed)
+      : equations_(equations),
+        system_(equations.system()),
+        speed_(speed),
+        every_(system_.sizes().velocity > kLarge ? 16 : 1) {}
 
   /// At the start, and where a state jumps (impacts, events).
   void begin(const State& s) {
     last_ = s;
     known_.reset();
+    passed_ = 0;
   }
   /// At the end of a step.
   void step(const State& s);
@@ -36,6 +44,7 @@ class EnergyBalance {
   [[nodiscard]] std::optional<std::string> notice() const;
 
  private:
+  static constexpr Index kLarge = 20000;
   struct Rate {
     Energy energy;
     double power = 0;
@@ -43,13 +52,16 @@ class EnergyBalance {
   /// @param h  length of a step
   [[nodiscard]] Rate rate_of(const State& s, double h);
 
+  Equations& equations_;
   System& system_;
+  double speed_, nothing_ = 0;  // nothing_: kinetic energy where all velocities are speed_
+  int every_, passed_ = 0;
   State last_;
   std::optional<Rate> known_;  // of the last state
   double work_ = 0, absolute_work_ = 0, gain_ = 0, uncertainty_ = 0;
   double kinetic_ = 0, lowest_ = 0, highest_ = 0;
   bool seen_ = false;
-  std::vector<double> q_, v_, change_;
+  std::vector<double> q_, v_, change_, left_;
 };
 
 }  // namespace espalier::dynamics::model

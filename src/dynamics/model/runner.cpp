@@ -10,12 +10,20 @@
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/restart.hpp"
 #include "dynamics/model/start_report.hpp"
 #include "solver/option_text.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
+
+/// Below it velocities are as good as none.
+double speed_that_counts(const IntegratorSpec& integrator) {
+  constexpr double kOfAlpha = 1e-8;
+  if (integrator.method != Method::bdf) return kOfAlpha;
+  return integrator.bdf.absolute_velocity > 0 ? integrator.bdf.absolute_velocity : integrator.bdf.absolute;
+}
 
 using base::Stopwatch;
 
@@ -225,6 +233,11 @@ void Runner::start_integrator() {
 
 Sample Runner::sample(const StepReport& report) {
   Sample s{&current(), report};
+  if (!guard_->redundant().empty()) {
+    shown_ = current();
+    guard_->share_reactions(shown_);
+    s.state = &shown_;
+  }
   if (model_.statics) s.load = load_;
   equations_->evaluate_constraints(s.state->t, s.state->q, s.state->v);
   std::vector<double> level(s.state->lambda.size());
@@ -297,8 +310,8 @@ void Runner::go() {
   if (options_.restart.empty()) give_response();
   going_ = true;
   happen();
-  if (!balance_) balance_ = std::make_unique<EnergyBalance>(mechanism_->system);
-  balance_->begin(current());
+  if (!balance_) balance_ = std::make_unique<EnergyBalance>(*equations_, speed_that_counts(model_.integrator));
+  watch_from_here();
 }
 
 // Steps until `end`, an event, the observer or the caller's interruption.
@@ -329,8 +342,8 @@ void Runner::step(double limit) {
     last_report_ = events_->empty() ? integrator_->step(limit) : events_->step(integrator_, limit);
   }
   balance_->step(current());
+  if (model_.integrator.method == Method::bdf && model_.integrator.bdf.fixed_step == 0) held_.step(current());
   happen();
-  if (!events_->empty()) balance_->begin(current());
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
   const Phase output("output", summary_.phases.output, trace_.get());
   const Sample s = sample(last_report_);
@@ -369,6 +382,7 @@ void Runner::note_steps() {
         integrator_->counts().steps));
   if (const std::optional<std::string> notice = balance_ ? balance_->notice() : std::nullopt)
     notices.push_back(*notice);
+  if (const std::optional<std::string> notice = held_.notice()) notices.push_back(*notice);
   const IntegratorCounts& c = integrator_->counts();
   // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
   constexpr double kWorthSaying = 1e-6;
@@ -387,6 +401,8 @@ void Runner::note_steps() {
 std::string Runner::explain_failure(const Error& error) {
   std::string text = error.what();
   text += mechanism_->inverted_elements();
+  for (const BuiltBody& body : mechanism_->bodies)
+    if (const std::optional<std::string> notice = compression_notice(body, current().q)) text += "; " + *notice;
   if (error.status().code == StatusCode::invalid_input || state_.lambda.empty()) return text;
   // A mechanism in a singular position is the usual reason: rows of Phi_q that nearly depend on each other, beyond
   // those left out already.
@@ -411,7 +427,18 @@ void Runner::write_trace(const std::string& path) const {
   trace_->write(path);
 }
 
+void Runner::note_elements() {
+  for (const BuiltBody& body : mechanism_->bodies) {
+    if (compressed_.count(body.spec.name) > 0) continue;
+    const std::optional<std::string> notice = compression_notice(body, current().q);
+    if (!notice) continue;
+    compressed_.insert(body.spec.name);
+    summary_.notices.push_back(*notice);
+  }
+}
+
 void Runner::finish() {
+  note_elements();
   summary_.t_end = time();
   const IntegratorCounts c = integrator_ ? integrator_->counts() : IntegratorCounts{};
   summary_.steps = model_.statics ? last_report_.index : c.steps;

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -13,6 +14,7 @@
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/energy_balance.hpp"
 #include "dynamics/model/events.hpp"
+#include "dynamics/model/held_steps.hpp"
 #include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
 #include "dynamics/model/newton_solver.hpp"
@@ -56,6 +58,7 @@ class Runner {
   void respond();
   [[nodiscard]] const ModelHarmonicResult& response() const { return response_; }
   // For those who look at the system itself.
+  [[nodiscard]] const IntegratorSpec& integrator() const { return model_.integrator; }
   [[nodiscard]] Mechanism& mechanism() { return *mechanism_; }
   [[nodiscard]] Equations& equations() { return *equations_; }
   [[nodiscard]] const State& state() const { return current(); }
@@ -99,7 +102,10 @@ class Runner {
   void meet_impacts();                           ///< runner_impacts.cpp
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
-  void note_steps();  ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
+  void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
+  void note_elements();    ///< what is known of their weaknesses, once for each body
+  void note_steps();       ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
+  /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   [[nodiscard]] std::string explain_failure(const Error& error);
@@ -118,6 +124,8 @@ class Runner {
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
   std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
+  std::set<std::string> compressed_;        // bodies of which that was said
+  HeldSteps held_;                          // of adaptive steps
   bool stopped_ = false;                    // by an event
   double impact_time_ = 0;                  // of the last impact
   long impacts_there_ = 0;                  // hardly apart in time from each other
@@ -127,7 +135,7 @@ class Runner {
   std::unique_ptr<KeptFrames> frames_;
   std::vector<char> dropped_at_start_;  // constraint rows, m marks
   bool going_ = false;                  // go() was called, and the files have not been ended
-  State state_;
+  State state_, shown_;
   State reference_;       // displacements in pictures count from it: a restarted run must find the same
   Options modes_solver_;  // of initial.modes
   std::vector<std::vector<double>> shapes_;  // of these modes

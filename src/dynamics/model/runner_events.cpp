@@ -95,6 +95,7 @@ void Runner::begin_anew(const EventSpec& event, const Change& change) {
                     "energy, {:.6g} (a plastic impact)",
                     event.name, time(), lost, before.kinetic));
   integrator_->start(state_);
+  watch_from_here();
 }
 
 // After a restart: the rows that were left out when the file was written.

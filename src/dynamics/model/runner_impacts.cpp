@@ -35,6 +35,7 @@ void Runner::meet_impacts() {
     mechanism_->impacts[k]->take_impact(std::span(points).subspan(first[k], first[k + 1] - first[k]));
   make_consistent(*equations_, state_);
   integrator_->start(state_);
+  watch_from_here();
 }
 
 }  // namespace espalier::dynamics::model

@@ -54,7 +54,7 @@ void Runner::restore(std::string_view state) {
     guard_->set_absent(mechanism_->controls->absent_rows(state_.lambda.size()));
     guard_->adopt(dropped.empty() ? dropped_at_start_ : dropped);
   }
-  if (balance_) balance_->begin(current());
+  watch_from_here();
   last_report_ = {};
   last_report_.t = time();
   last_report_.index = integrator_->counts().steps;
@@ -78,6 +78,11 @@ KeptFrames& Runner::kept_frames() {
 }
 
 SimulationFrame Runner::frame() { return kept_frames().frame(sample(last_report_).pictured()); }
+
+void Runner::watch_from_here() {
+  if (balance_) balance_->begin(current());
+  held_.begin(current());
+}
 
 // A state that is there already (the start of a run that goes on) is not kept twice.
 void Runner::keep(const Sample& s) {

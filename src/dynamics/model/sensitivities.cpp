@@ -10,6 +10,7 @@
 #include <new>
 #include <stdexcept>
 
+#include "dynamics/contact/contact.hpp"
 #include "dynamics/integrators/sensitivity.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/mesh/text_file.hpp"
@@ -37,6 +38,7 @@ using dynamics::model::Value;
 constexpr double kRelativeStep = 5e-6;
 constexpr double kStepOfStatics = 1e-4;  // the two starts are equilibria, to their tolerance
 constexpr double kMostDefect = 1e-6;     // of derivatives that are given
+constexpr double kWay = 5e-3;            // of a parameter, to a run that checks derivatives
 
 std::size_t position_of(const std::vector<std::string>& names, const std::string& name) {
   const auto it = std::find(names.begin(), names.end(), name);
@@ -128,13 +130,13 @@ class SensitivityRun {
     }
     result_.defect = forward.defect();
     if (!(result_.defect <= kMostDefect))
-      throw Error(
-          StatusCode::accuracy_not_reached,
-          fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than {:g}: "
-                      "the model may have a kink or a jump (contact that opens or closes, friction that sticks or "
-                      "slips) within the step of a parameter; take smaller SensitivityParameter::step, or tighter "
-                      "tolerances of the run",
-                      result_.defect, kMostDefect));
+      throw Error(StatusCode::accuracy_not_reached,
+                  fmt::format("the equations of the derivatives are solved to {:.1e} of the largest only, more than "
+                              "{:g}: the model may have a kink or a jump (contact that opens or closes, friction that "
+                              "sticks or slips) within the step of a parameter; take smaller "
+                              "SensitivityParameter::step, or tighter tolerances of the run",
+                              result_.defect, kMostDefect));
+    if (!statics_ && !result_.summary.interrupted && switches()) check_by_a_run();
   }
 
  private:
@@ -182,6 +184,68 @@ class SensitivityRun {
     }
   }
 
+  /// Whether anything of the model has kinks or jumps.
+  [[nodiscard]] bool switches() const {
+    for (const dynamics::Switching* law : dynamics::switching_laws(nominal_->mechanism().system)) {
+      dynamics::Branches branches;
+      law->branches(nominal_->state().view(), branches);
+      if (!branches.empty() || dynamic_cast<const dynamics::contact::Contact*>(law) != nullptr) return true;
+    }
+    return false;
+  }
+
+  /// Derivatives are those of the steps that were taken, and the times of switches move with the parameters. So a run
+  /// with all parameters moved a little must end where the derivatives say; a notice tells where it does not.
+  void check_by_a_run() {
+    constexpr double kAllowed = 0.1;  // of the sum of the changes: curvature over such a way
+    constexpr double kNoise = 100;    // tolerances: how far two adaptive runs may be apart
+    std::vector<std::string> moved;
+    std::vector<double> way;
+    for (std::size_t p = 0; p < given_.size(); ++p) {
+      const double value = result_.parameter_values[p], sign = p % 2 == 0 ? 1 : -1;
+      way.push_back(sign * (value != 0 ? kWay * std::abs(value) : kWay / kRelativeStep * given_[p].step()));
+      moved.push_back(fmt::format("{}={:.17e}", given_[p].path, value + way.back()));
+    }
+    SimulationSummary summary;
+    Runner other(describe(moved), quiet_options(), summary);
+    other.run({});
+    const dynamics::model::IntegratorSpec& integrator = other.integrator();
+    const bool adaptive = integrator.method == dynamics::model::Method::bdf;
+    std::string text;
+    for (std::size_t q = 0; q < quantities_.size(); ++q) {
+      const std::string& name = quantities_[q].name;
+      const double now = result_.value(name), there = other.chosen()[q].value(Sample{&other.state(), {}});
+      double expected = 0, size = 0;
+      for (std::size_t p = 0; p < given_.size(); ++p) {
+        const double part = way[p] * result_.derivative(name, given_[p].path);
+        expected += part;
+        size += std::abs(part);
+      }
+      const double noise =
+          adaptive
+              ? kNoise * (integrator.bdf.relative * std::max(std::abs(now), std::abs(there)) + integrator.bdf.absolute)
+              : 0;
+      if (std::abs(there - now - expected) <= kAllowed * std::max(size, std::abs(there - now)) + noise) continue;
+      text += fmt::format("{}{} changes by {:.3g}, where the derivatives say {:.3g}", text.empty() ? "" : "; ", name,
+                          there - now, expected);
+    }
+    if (!text.empty())
+      result_.summary.notices.push_back(fmt::format(
+          "derivatives: a run with the parameters moved by {:g} % contradicts them: {}. Something switches at another "
+          "time or another way there; look at differences of whole runs before you trust the derivatives",
+          100 * kWay, text));
+  }
+
+  [[nodiscard]] SimulationOptions quiet_options() const {
+    SimulationOptions options = options_;
+    options.out.clear();
+    options.dump.clear();
+    options.keep_series = false;
+    options.frame_interval = -1;
+    options.record_timeline = false;
+    return options;
+  }
+
   [[nodiscard]] Value tree() const { return dynamics::model::parse_toml(text_, name_); }
   [[nodiscard]] Description describe(const std::vector<std::string>& more) const {
     Value root = tree();
@@ -226,14 +290,9 @@ class SensitivityRun {
 
   /// The model with the number below or above its value, brought to its start.
   std::unique_ptr<Runner> beside_nominal(const Ends& ends, int above, SimulationSummary& summary) const {
-    SimulationOptions options = options_;
-    options.out.clear();
-    options.dump.clear();
-    options.keep_series = false;
-    options.frame_interval = -1;
-    options.record_timeline = false;
     std::unique_ptr<Runner> side;
-    with_end(ends, above, [&](const Description& model) { side = std::make_unique<Runner>(model, options, summary); });
+    with_end(ends, above,
+             [&](const Description& model) { side = std::make_unique<Runner>(model, quiet_options(), summary); });
     compare(side->mechanism(), ends.path);
     return side;
   }
