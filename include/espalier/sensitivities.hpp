@@ -55,9 +55,10 @@ struct SensitivityResult {
   SensitivityModes modes;
   bool adjoint = false;  ///< found by SensitivityMethod::adjoint
   /// How well the linear equations of the derivatives are solved: the largest last change of an iteration over the
-  /// largest derivative; more than 1e-6 is an error (Status accuracy_not_reached). Of the adjoint method: by how much the tangent and differences of the equations differ along
-  /// the answer to random forces, over the largest force; a tangent that is not exact shows there, and in derivatives.
-  /// In a motion at the last step and up to eight others, with the levels of the constraints.
+  /// largest derivative; more than 1e-6 is an error (Status accuracy_not_reached). Of the adjoint method: by how much
+  /// the tangent and differences of the equations differ along the answer to random forces, over the largest force; a
+  /// tangent that is not exact shows there, and in derivatives. In a motion at the last step and up to eight others,
+  /// with the levels of the constraints.
   double defect = 0;
   SimulationSummary summary;
 

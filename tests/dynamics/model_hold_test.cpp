@@ -48,8 +48,10 @@ TEST(ModelHold, NothingIsStrainedWhateverThePlaceOfTheJoint) {
     const char* ground;
     const char* distance;
   };
-  for (const Case& c : {Case{"point = [0, 1e-5, 0], axis = [0, 0, 1]", "1e-05"}, Case{"point = [1e-5, 0, 0], axis = [0, 0, 1]", "1e-05"},
-                        Case{"point = [0, 0, 1e-4], axis = [0, 0, 1]", "0.0001"}, Case{"point = [-1e-3, 0, 0], axis = [0, 0, 1]", "0.001"},
+  for (const Case& c : {Case{"point = [0, 1e-5, 0], axis = [0, 0, 1]", "1e-05"},
+                        Case{"point = [1e-5, 0, 0], axis = [0, 0, 1]", "1e-05"},
+                        Case{"point = [0, 0, 1e-4], axis = [0, 0, 1]", "0.0001"},
+                        Case{"point = [-1e-3, 0, 0], axis = [0, 0, 1]", "0.001"},
                         Case{"point = [0.02, 0.05, -0.03], axis = [0, 0, 1]", "0.0616"},
                         Case{"point = [1e-3, 0, 0], axis = [1, 2, 3], x_axis = [0, 1, 0]", "turned by"}}) {
     for (const char* joint : {"fixed", "revolute", "spherical", "cylindrical", "prismatic", "universal"}) {

@@ -35,7 +35,8 @@ mesh = { part = "block", divisions = [1, 1, 1] }
       {"unknown body", replaced(p, "\"ground\", \"bob\"", "\"ground\", \"bop\""), {"bop", "did you mean 'bob'"}},
       {"unknown section", p + "[joint.x]\n", {"joint", "did you mean 'joints'"}},
       {"unknown marker",
-       replaced(p, "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]", "a = \"here\"\nb = { body = \"bob\" }"),
+       replaced(p, "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]",
+                "a = \"here\"\nb = { body = \"bob\" }"),
        {"unknown marker 'here'"}},
       {"circle",
        p + "[markers]\nx = { same_as = \"y\" }\ny = { same_as = \"z\" }\nz = { same_as = \"x\" }\n",
@@ -86,7 +87,7 @@ mesh = { part = "block", divisions = [1, 1, 1] }
        p + "[bodies.c]\ntype = \"cable\"\nstart = [0, 0, 0]\nend = [1, 0, 0]\nelements = 2000000000\naxial = "
            "1\nbending "
            "= 1\nmass_per_length = 1\n",
-       {"model.toml:20", "bodies.c.elements", "1e+08"}},
+       {"model.toml:20", "bodies.c.elements", "100000000"}},
       {"steps between nothing", p + "max_step = 0.01\nmin_step = 1\n", {"model.toml:17", "min_step", "max_step"}},
       {"endless outputs", p + "[output]\nvtu_interval = 1e-30\n", {"model.toml:16", "1e-30", "every step"}},
       {"component of a component",

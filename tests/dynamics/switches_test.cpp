@@ -83,7 +83,8 @@ TEST(Switches, ShortBlowsAreMet) {
     for (const double tolerance : {1e-4, 1e-6, 1e-8, 1e-10}) {
       const Simulation s = simulated(free_mass("[forces.blow]\ntype = \"load\"\na = { body = \"m\" }\nforce = [\"") +
                                      blow.factor + "\", 0, 0]\n" + spline + tolerances(8, tolerance, tolerance));
-      EXPECT_NEAR(s.value("m.velocity.x"), blow.impulse / 2, 200 * tolerance + 1e-9) << blow.factor << ", " << tolerance;
+      EXPECT_NEAR(s.value("m.velocity.x"), blow.impulse / 2, 200 * tolerance + 1e-9)
+          << blow.factor << ", " << tolerance;
       EXPECT_LT(s.summary().steps, 3000) << blow.factor;
     }
   }

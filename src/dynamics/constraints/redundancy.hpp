@@ -74,8 +74,8 @@ class RedundancyGuard {
   [[nodiscard]] Index degrees_of_freedom() const;
 
  private:
-  /// Entries of Phi_q, those of lengths times the extent of the model (positions, and arms of the constraints), over the
-  /// largest of each row (`sizes`); zero in absent rows.
+  /// Entries of Phi_q, those of lengths times the extent of the model (positions, and arms of the constraints), over
+  /// the largest of each row (`sizes`); zero in absent rows.
   [[nodiscard]] std::vector<double> scaled_rows(double t, ConstSpan q, std::vector<double>& sizes);
   [[nodiscard]] std::vector<DependentRow> dependent_at(double t, ConstSpan q);
 

@@ -1,6 +1,6 @@
 /// \file
-/// Laws with a switch (contact that opens and closes, friction that turns round, limits, corners of tables, abs(t - 1)),
-/// and steps that must not pass one unseen.
+/// Laws with a switch (contact that opens and closes, friction that turns round, limits, corners of tables, abs(t -
+/// 1)), and steps that must not pass one unseen.
 ///
 /// An implicit step sees forces at its end alone. What has switched once in a step is different there, and the error
 /// test meets it. What has switched twice (a short blow, a stop that was touched and left, a body that has passed

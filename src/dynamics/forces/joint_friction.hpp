@@ -9,9 +9,9 @@ namespace espalier::dynamics {
 
 /// Coefficient of friction over the slip speed s >= 0, made smooth at rest:
 ///   mu(s) = (dynamic + (a - dynamic) exp(-(s / stribeck_speed)^2)) tanh(s / slip_speed)
-/// a is the static coefficient, or as much more as it takes for the largest mu to be that (stribeck_speed >= slip_speed).
-/// (Andersson, Soederberg, Bjoerklund, Tribology International 40 (2007), eq. 7 with exponent 2). A body that sticks
-/// creeps: where static N would hold a load of F, at about slip_speed atanh(F / (static N)).
+/// a is the static coefficient, or as much more as it takes for the largest mu to be that (stribeck_speed >=
+/// slip_speed). (Andersson, Soederberg, Bjoerklund, Tribology International 40 (2007), eq. 7 with exponent 2). A body
+/// that sticks creeps: where static N would hold a load of F, at about slip_speed atanh(F / (static N)).
 struct FrictionCurve {
   double dynamic_coefficient = 0, static_coefficient = 0;
   double stribeck_speed = 1, slip_speed = 1;

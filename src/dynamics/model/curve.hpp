@@ -34,9 +34,9 @@ class Curve {
   /// @throws espalier::Error(invalid_input) naming curve, x and the range where x lies outside and Outside is error
   [[nodiscard]] CurvePoint at(double x) const;
   [[nodiscard]] const std::string& name() const { return name_; }
-  /// Points where it bends so sharply that a step of time must not leave out more than one of them: a straight line from
-  /// point to point there misses it by more than a thousandth of its whole range (linear), or by a third of it (the
-  /// smooth kinds: what has two or three points alone).
+  /// Points where it bends so sharply that a step of time must not leave out more than one of them: a straight line
+  /// from point to point there misses it by more than a thousandth of its whole range (linear), or by a third of it
+  /// (the smooth kinds: what has two or three points alone).
   [[nodiscard]] bool has_corners() const { return !corners_.empty(); }
   /// Rises by 1 from corner to corner; a whole number at each.
   [[nodiscard]] double level(double x) const;

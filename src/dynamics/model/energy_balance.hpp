@@ -20,7 +20,10 @@ class EnergyBalance {
  public:
   /// @param speed  velocities below it are nothing (tolerance of the run)
   EnergyBalance(Equations& equations, double speed)
-      : equations_(equations), system_(equations.system()), speed_(speed), every_(system_.sizes().velocity > kLarge ? 16 : 1) {}
+      : equations_(equations),
+        system_(equations.system()),
+        speed_(speed),
+        every_(system_.sizes().velocity > kLarge ? 16 : 1) {}
 
   /// At the start, and where a state jumps (impacts, events).
   void begin(const State& s) {

@@ -46,8 +46,8 @@ class Expression {
   /// @param given one jet for each of quantities(). The derivatives are those along the one that time and quantities
   /// have.
   [[nodiscard]] Jet evaluate(const Jet& time, std::span<const Jet> given) const { return run(time, given, nullptr); }
-  /// Appends where the text has corners and jumps (abs, sign, min, max, floor, ceil, round, mod, %, the ends of step and
-  /// ramp, corners of splines). @param given as for evaluate()
+  /// Appends where the text has corners and jumps (abs, sign, min, max, floor, ceil, round, mod, %, the ends of step
+  /// and ramp, corners of splines). @param given as for evaluate()
   void branches(double t, std::span<const Jet> given, Branches& out) const { (void)run({t, 0, 0}, given, &out); }
   [[nodiscard]] const std::string& text() const { return text_; }
   [[nodiscard]] const std::vector<Unknown>& quantities() const { return quantities_; }
