@@ -268,6 +268,7 @@ Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, c
   a.a.values = values;
   Draft draft = prepare(a, Kind::ldlt, context);
   PreparedMatrix& p = draft.system.prepared;
+  if (context.options.singular == SingularMatrix::error) refuse_zero_rows(p);
   draft.system.border = llt.system->border;
   p.target = before.target;
   p.caller_nonzeros = before.caller_nonzeros;

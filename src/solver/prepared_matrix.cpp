@@ -484,6 +484,17 @@ void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed,
 
 }  // namespace
 
+void refuse_zero_rows(const PreparedMatrix& p) {
+  const std::vector<double> sizes = sizes_for_scaling(p.numbers, p.a.values);
+  const std::span<const double> values = sizes.empty() ? std::span<const double>(p.a.values) : sizes;
+  std::vector<Index> partner(static_cast<std::size_t>(p.n()), -1);
+  for (Index j = 0; j < p.n(); ++j)
+    for (Offset k = p.a.col_ptr[at(j)]; k < p.a.col_ptr[at(j) + 1]; ++k)
+      if (values[at(k)] != 0) partner[at(j)] = j, partner[at(p.a.row_ind[at(k)])] = p.a.row_ind[at(k)];
+  const std::vector<Index> rows = unmatched_rows(partner);
+  if (!rows.empty()) refuse_unmatched(rows, p.n());
+}
+
 void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool) {
   if (kind == Kind::llt && options.precision == Precision::fp64 && !analysis::is_wide(p.a.values, pool)) return;
   const std::vector<double> sizes = sizes_for_scaling(p.numbers, p.a.values);

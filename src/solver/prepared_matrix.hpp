@@ -110,6 +110,9 @@ bool same_pattern(const PreparedMatrix& p, const MatrixView& a, base::ThreadPool
 ///         are matched to the columns that are left, where nothing stands
 void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base::ThreadPool& pool);
 
+/// @throws Error(singular) when a row of a symmetric matrix holds zeros alone
+void refuse_zero_rows(const PreparedMatrix& p);
+
 /// Sets p.transform_sign, p.transform_log and p.wide for its scaling and matching. Once an analysis: n logarithms after
 /// every factorization cost a small system more than its arithmetic.
 void note_determinant(PreparedMatrix& p);

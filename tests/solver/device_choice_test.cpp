@@ -20,7 +20,9 @@ DeviceChoice chosen(const Options& options, const device::Registry& registry = d
   tree.first = {0, 1};
   tree.parent = {-1};
   tree.row_ptr = {0, 0};
-  return choose_device(options, registry, tree, {});
+  device::PlanWish wish;
+  wish.threads = 16;
+  return choose_device(options, registry, tree, wish);
 }
 
 Status refusal(const std::string& device) {
