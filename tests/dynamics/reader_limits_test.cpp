@@ -150,12 +150,14 @@ TEST(ReaderLimits, NumbersThatTakeMemory) {
     expect_model_refused(part("part = \"tyre\", sectors = " + number + "0"), "sectors");
     expect_model_refused(part("part = \"spur-gear\", teeth = " + number + "0"), "teeth");
     expect_model_refused(part("part = \"bladed-rotor\", blades = " + number + "0"), "blades");
-    expect_model_refused(kPendulum + "[harmonic]\nfrom = 1\nto = 2\nphases = " + number + "\nloads = []\n", "phases");
+    expect_model_refused(kPendulum + "[forces.push]\ntype = \"load\"\na = { body = \"bob\" }\nforce = [1, 0, 0]\n" +
+                             "[harmonic]\nfrom = 1\nto = 2\nloads = [\"push\"]\nphases = " + number + "\n",
+                         "phases");
   }
   expect_model_refused(part("part = \"block\", divisions = [100000, 100000, 100000]"), "divisions");
   // Lengths that make far more elements than were wished for.
   for (const char* extreme : {"part = \"bladed-rotor\", shaft_length = 1e12", "part = \"chain-link\", pitch = 1e12",
-                              "part = \"connecting-rod\", length = 1e15", "part = \"bladed-rotor\", blades = 100000"}) {
+                              "part = \"connecting-rod\", length = 1e15"}) {
     Simulation simulation{SimulationOptions{}};
     const long before = peak_kilobytes();
     const Status status = simulation.load_text(part(extreme), "model.toml");

@@ -67,7 +67,7 @@ Index BlockBuilder::inner_node(const Point& p) {
 
 // Before any of it is taken: a part whose shape or numbers make far more elements than were thought of.
 void BlockBuilder::check_room(const std::array<int, 3>& divisions) const {
-  constexpr double kOfElement = 200;  // bytes of nodes, numbers and sets, at least
+  constexpr double kOfElement = 2000;  // bytes that a mesh and its body take, at least
   const double elements = static_cast<double>(mesh_.element_count()) + 1.0 * divisions[0] * divisions[1] * divisions[2];
   const Offset machine = matrix::machine_memory();
   if (kOfElement * elements <= static_cast<double>(machine)) return;
