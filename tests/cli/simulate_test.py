@@ -231,7 +231,7 @@ class Simulate(Cli):
     def test_mistakes_are_2_and_say_where(self):
         for old, new, says in (("mass = 2", "mass = 0", ("model.toml:7", "greater than 0")),
                                ('"revolute"', '"revolt"', ("model.toml:11", "did you mean 'revolute'")),
-                               ("end = 1", "end = nan", ("model.toml:15", "finite")),
+                               ("end = 1", "end = nan", ("model.toml:16", "finite")),
                                ("at = [0, 0, 0]", "att = [0, 0, 0]", ("att", "did you mean 'at'")),
                                ("title = ", "title ", ("model.toml:1",))):
             with self.subTest(new=new):

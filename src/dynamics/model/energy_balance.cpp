@@ -10,7 +10,7 @@
 namespace espalier::dynamics::model {
 
 EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
-  constexpr double kPart = 1e-2;  // of a step: the difference is exact to its square
+  constexpr double kPart = 1e-2;  // of a step: the difference is exact to its square; splines may end where it does
   const double e = kPart * h;
   const std::size_t n = s.v.size();
   Rate out;
@@ -31,7 +31,8 @@ EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
     const Energy there = system_.energy(at);
     return there.kinetic + there.potential;
   };
-  out.power = e > 0 ? (total(e) - total(-e)) / (2 * e) : 0;
+  const double here = out.energy.kinetic + out.energy.potential;
+  out.power = e != 0 ? (4 * total(e) - total(2 * e) - 3 * here) / (2 * e) : 0;
   left_.resize(n);
   equations_.evaluate_constraints(s.t, s.q, s.v);
   system_.residual(s.view(), left_);
@@ -56,7 +57,7 @@ void EnergyBalance::step(const State& s) {
   if (!(h > 0)) return begin(s);
   if (++passed_ < every_) return;
   passed_ = 0;
-  const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_of(s, h);
+  const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_of(s, -h);
   const double work = 0.5 * h * (before.power + now.power);
   work_ += work;
   absolute_work_ += 0.5 * h * (std::abs(before.power) + std::abs(now.power));

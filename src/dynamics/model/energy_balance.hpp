@@ -49,7 +49,7 @@ class EnergyBalance {
     Energy energy;
     double power = 0;
   };
-  /// @param h  length of a step
+  /// @param h  length of the step that begins in s; of the one that ends there, negative
   [[nodiscard]] Rate rate_of(const State& s, double h);
 
   Equations& equations_;
