@@ -242,6 +242,8 @@ Status singular(const std::vector<Index>& rows, Index zeros, Index n);
 /// inertia. The determinant of the real form is +-|det A|^2, which does not tell it: NaN.
 std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result);
 
+/// Of a matrix that is singular in a way that nothing has told: no rank, inertia or determinant.
+void forget_rank(FactorResult& r);
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
                            Deficiency deficiency, const Options& options, Offset held_bytes);
