@@ -180,7 +180,8 @@ class Factor {
   auto with_deficiency_job(Use&& use);
   void with_larger_pivots(const std::function<bool()>& search);
   [[nodiscard]] bool pivots_are_given() const {
-    return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
+    const Options& o = context_.options;
+    return o.perturbation > 0 || (o.zero_pivot > 0 && !analysis_->system->prepared.unmatched);
   }
   [[nodiscard]] bool zeros_explain(device::FactorOutcome& outcome);
   [[nodiscard]] bool needs_fp64(device::FactorOutcome& outcome);

@@ -136,7 +136,7 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   r.determinant_sign = outcome.determinant_sign * p.transform_sign;
   r.determinant_log = outcome.determinant_log / (system.real_form ? 2 : 1) - numeric.scales().log;
   const bool bounded = options.perturbation > 0;  // the caller's bound says which pivots count as zero
-  const bool given = bounded || options.zero_pivot > 0;
+  const bool given = bounded || (options.zero_pivot > 0 && !p.unmatched);
   const Index zeros = given ? replaced : deficiency.zeros;
   r.rank = n - zeros;
   if (analysis.kind() == Kind::llt) r.inertia = {n - zeros, 0, zeros};

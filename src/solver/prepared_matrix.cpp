@@ -443,7 +443,8 @@ void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base
     m = analysis::symmetric_matching(a, pool);
     p.pair = std::move(m.pair);
   }
-  if (partners_needed && m.structural_rank < p.n())
+  p.unmatched = m.structural_rank < p.n();
+  if (partners_needed && p.unmatched)
     refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(a)).row_of_col), p.n());
 }
 
@@ -474,6 +475,7 @@ void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed,
   }
   if (m.structural_rank < p.n()) {
     if (partners_needed) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
+    p.unmatched = true;
     match_the_rest(m.row_of_col);
   }
   p.pair = analysis::pairs_for_lu(a, m, pool);
