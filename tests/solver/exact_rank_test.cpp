@@ -121,7 +121,7 @@ struct Known {
   const char* name;
   SparseMatrix a;  ///< symmetric_lower
   Index negative, zeros;
-  bool unstable_in_lu = false;  ///< 300 zeros beside pivots that L U finds nowhere: not solved yet
+  bool unstable_in_lu = false;  ///< 300 zeros beside pivots that L U finds nowhere: it may say that it tells no rank
 };
 
 // 2 x 2 blocks in a row: rank `blocks` of twice as many.
@@ -192,13 +192,16 @@ TEST(ManyZeros, RankInertiaAndSolutionOfAnyNumber) {
     for (const Kind kind : {Kind::automatic, Kind::ldlt, Kind::lu})
       for (const Storage storage : {Storage::symmetric_lower, Storage::symmetric_upper, Storage::general}) {
         SCOPED_TRACE(testing::Message() << known.name << " kind " << static_cast<int>(kind));
-        if (kind == Kind::lu && known.unstable_in_lu) continue;
         const SparseMatrix a = reference::stored_as(known.a, storage);
         const auto n = static_cast<std::size_t>(a.rows);
         Solver s(reporting(kind));
         const AnalysisResult analysis = s.analyze(a);
         ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
         const FactorResult f = s.factorize(a);
+        if (kind == Kind::lu && known.unstable_in_lu && !f.status.ok()) {
+          EXPECT_EQ(f.rank, -1) << "a rank of a factor that tells none";
+          continue;
+        }
         ASSERT_TRUE(f.status.ok()) << f.status.message;
         EXPECT_EQ(a.rows - f.rank, known.zeros);
         EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), known.zeros);
