@@ -760,6 +760,11 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   const Index columns = all ? zeros : kProof;
   Block null = search.null_columns(columns, false, all);
   if (null.columns == 0) return {};
+  constexpr Index kCheap = 128;  // then the matrix itself is asked: a factor of poor pivots may look regular
+  if (search.matrix().n() <= kCheap) {
+    const std::optional<Block> truth = search.null_columns(search.dense().transpose(), false);
+    if (truth && truth->columns != zeros) return {};
+  }
   Deficiency found;
   found.zeros = zeros / parts;
   found.smallest = 0;
