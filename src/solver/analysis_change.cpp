@@ -121,6 +121,7 @@ void take_over(const PreparedMatrix& from, PreparedMatrix& to) {
   to.transform_sign = from.transform_sign;
   to.transform_log = from.transform_log;
   to.wide = from.wide;
+  to.unmatched = from.unmatched;
 }
 
 std::string reason_against(const Analysis& before, const MatrixView& a, const Context& context) {

@@ -328,6 +328,54 @@ class Search {
     if (x.columns > 0 && !vanish(b_.product(x, transpose), x)) return {};
     return x;
   }
+  /// Whether vectors that are perpendicular to these null vectors lead to others: some that vanishing pivots make much
+  /// larger drown the rest of a block, as if it were no part of the null space.
+  [[nodiscard]] bool hides_more(const Block& right, const Block& left) const {
+    Block x = start(std::min(kFirstColumns, b_.n() - right.columns));
+    if (x.columns <= 0) return false;
+    const auto go = [&](const Block& before, const Block& after, bool transpose) {
+      project_out(job_.pool, before, x);
+      x = b_.inverse(std::move(x), transpose);
+      if (!normalize(job_.pool, x)) return false;
+      project_out(job_.pool, after, x);
+      return make_orthonormal(x);
+    };
+    for (int step = 0; step < kInverseSteps; ++step) {
+      if (b_.two_sided() && !go(right, left, true)) return true;
+      if (!go(left, right, false)) return true;
+    }
+    Directions d{std::move(x), Block(0, 0), {}};
+    inspect(d, false);
+    return !(d.values.front() > near());
+  }
+
+  /// All of B, column by column.
+  [[nodiscard]] Eigen::MatrixXd dense() const {
+    const Index n = b_.n();
+    Block unit(n, n);
+    for (Index k = 0; k < n; ++k) unit.column(k)[k] = 1;
+    const Block columns = b_.product(unit, false);
+    return Eigen::Map<const Eigen::MatrixXd>(columns.values.data(), n, n);
+  }
+  /// What a dense op(B) takes to nothing, by Q R of the other one with interchanges: the last columns of Q.
+  /// @returns nothing where its rank is not proven: R's leading triangle is regular, and B takes the vectors to nothing
+  [[nodiscard]] std::optional<Block> null_columns(const Eigen::MatrixXd& other, bool transpose) const {
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(other);
+    const auto n = static_cast<Index>(other.rows());
+    const auto rank = static_cast<Index>((qr.matrixR().diagonal().cwiseAbs().array() > zero_).count());
+    const Eigen::MatrixXd inverse = qr.matrixR()
+                                        .topLeftCorner(rank, rank)
+                                        .triangularView<Eigen::Upper>()
+                                        .solve(Eigen::MatrixXd::Identity(rank, rank));
+    if (rank > 0 && !(inverse.norm() * zero_ < 1)) return {};
+    Eigen::MatrixXd last = Eigen::MatrixXd::Zero(n, n - rank);
+    last.bottomRows(n - rank).setIdentity();
+    Block x(n, n - rank);
+    Eigen::Map<Eigen::MatrixXd>(x.values.data(), n, n - rank) = qr.householderQ() * last;
+    if (x.columns > 0 && !vanish(b_.product(x, transpose), x)) return {};
+    return x;
+  }
+
   /// Negative eigenvalues of a symmetric B on them, `zeros` left out.
   [[nodiscard]] static Index negative(const Reduced& r, std::span<const Index> rows, Index zeros) {
     const auto k = static_cast<Index>(r.m.rows()), parts = k / static_cast<Index>(rows.size());
@@ -653,6 +701,9 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   found.worst = std::max(d.values[last], other.found ? other.values[last] : 0) / search.matrix().norm();
   found.doubtful = found.doubtful || found.worst > kBlurred * zero_singular_value(job.kind, job.prepared.n());
   const Block null = first_columns(d.q, taken);
+  if (job.replaced && found.zeros < job.suspects && taken < columns && (!search.matrix().two_sided() || other.found))
+    found.doubtful =
+        found.doubtful || search.hides_more(null, search.matrix().two_sided() ? first_columns(other.q, taken) : null);
   const bool with_left = job.kind == Kind::lu && other.found;
   found.complete = with_left || job.kind != Kind::lu;  // else nothing tells the rows
   const Block left = with_left ? first_columns(other.q, taken) : Block(0, 0);
@@ -709,6 +760,11 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   const Index columns = all ? zeros : kProof;
   Block null = search.null_columns(columns, false, all);
   if (null.columns == 0) return {};
+  constexpr Index kCheap = 128;  // then the matrix itself is asked: a factor of poor pivots may look regular
+  if (search.matrix().n() <= kCheap) {
+    const std::optional<Block> truth = search.null_columns(search.dense().transpose(), false);
+    if (truth && truth->columns != zeros) return {};
+  }
   Deficiency found;
   found.zeros = zeros / parts;
   found.smallest = 0;
@@ -744,6 +800,38 @@ std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span
   if (job.kind == Kind::lu) {
     const auto reduced = search.reduce(columns, true);
     std::optional<Block> other = reduced ? search.null_columns(*reduced, true) : std::nullopt;
+    if (!other || other->columns != null->columns) return {};
+    left = std::move(*other);
+  }
+  describe_all(job, search, 0, std::move(*null), std::move(left), found);
+  return found;
+}
+
+std::optional<Deficiency> zeros_of_dense(const DeficiencyJob& job) {
+  constexpr Index kMost = 512;  // tenths of a second
+  const Index parts = base::parts_of(job.prepared.numbers);
+  if (parts * job.prepared.n() > kMost) return {};
+  Search search(job);
+  search.prepare();
+  if (!(search.zero() > 0) || !std::isfinite(search.zero())) return {};
+  const Eigen::MatrixXd b = search.dense();
+  if (!b.allFinite()) return {};
+  std::optional<Block> null = search.null_columns(b.transpose(), false);
+  if (!null || null->columns % parts != 0) return {};
+  Deficiency found;
+  found.smallest = 0;
+  found.reduced = found.dense = true;
+  found.zeros = null->columns / parts;
+  if (job.kind == Kind::ldlt && !search.matrix().two_sided()) {
+    const Eigen::VectorXd values =
+        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(b, Eigen::EigenvaluesOnly).eigenvalues();
+    if ((values.array().abs() <= search.zero()).count() != null->columns) return {};
+    found.negative = static_cast<Index>((values.array() < -search.zero()).count()) / parts;
+  }
+  if (found.zeros == 0) return found;
+  Block left(search.matrix().n(), 0);
+  if (job.kind == Kind::lu) {
+    std::optional<Block> other = search.null_columns(b, true);
     if (!other || other->columns != null->columns) return {};
     left = std::move(*other);
   }

@@ -46,6 +46,7 @@ struct Deficiency {
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
   bool by_pivots = false;            ///< each replaced pivot is a zero, and tells its row; no row was sought
   bool reduced = false;              ///< `negative` is that of the whole matrix
+  bool dense = false;                ///< told by the matrix itself, whatever its factor is worth
 };
 
 /// A search finds no more zeros.
@@ -87,6 +88,10 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
 /// @returns nothing where that cannot be told, or takes too long
 std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span<const Index> rows,
                                              std::span<const Index> columns);
+/// Rank, null vectors and negative eigenvalues of a small matrix, without its factor: two vanishing pivots, one after
+/// the other, make numbers of 1e30 in it, beside which a search sees no other zeros.
+/// @returns nothing where the matrix is large, or its rank is not clear
+std::optional<Deficiency> zeros_of_dense(const DeficiencyJob& job);
 /// Whether the matrix that was factorized is surely regular; it takes a few solutions.
 bool surely_regular(const DeficiencyJob& job);
 

@@ -184,6 +184,7 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   const bool hopeless = gave_up_ && !outcome.replaced.empty();
   result_ = report_factor(*analysis_, *numeric_, outcome, hopeless ? Deficiency{} : judge(outcome), context_.options,
                           context_.budget.peak());
+  if (hopeless) forget_rank(result_);
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
@@ -295,7 +296,8 @@ bool Factor::lost_to_scaling(device::FactorOutcome& outcome) {
     return false;
   if (gave_up_) return true;
   const Deficiency& found = judge(outcome);
-  return found.zeros < analysis_->system->unknowns(outcome.replaced.size()) && !(found.reduced && found.zeros > 0);
+  return found.zeros < analysis_->system->unknowns(outcome.replaced.size()) &&
+         !(found.reduced && !found.dense && found.zeros > 0);
 }
 
 bool Factor::weakly_scaled(const device::FactorOutcome& outcome) const {

@@ -180,7 +180,8 @@ class Factor {
   auto with_deficiency_job(Use&& use);
   void with_larger_pivots(const std::function<bool()>& search);
   [[nodiscard]] bool pivots_are_given() const {
-    return context_.options.perturbation > 0 || context_.options.zero_pivot > 0;
+    const Options& o = context_.options;
+    return o.perturbation > 0 || (o.zero_pivot > 0 && !analysis_->system->prepared.unmatched);
   }
   [[nodiscard]] bool zeros_explain(device::FactorOutcome& outcome);
   [[nodiscard]] bool needs_fp64(device::FactorOutcome& outcome);
@@ -242,6 +243,8 @@ Status singular(const std::vector<Index>& rows, Index zeros, Index n);
 /// inertia. The determinant of the real form is +-|det A|^2, which does not tell it: NaN.
 std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result);
 
+/// Of a matrix that is singular in a way that nothing has told: no rank, inertia or determinant.
+void forget_rank(FactorResult& r);
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
                            Deficiency deficiency, const Options& options, Offset held_bytes);

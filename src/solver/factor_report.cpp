@@ -59,6 +59,15 @@ Index negative_eigenvalues(const System& system, const device::FactorOutcome& ou
   return (deficiency.zeros >= suspects ? others : others + twice * deficiency.negative) / twice;
 }
 
+// @param code  singular where that is sure
+Status unknown_rank(StatusCode code, Index replaced) {
+  return {code,
+          fmt::format("the matrix is singular or nearly so, and its rank is not known: {} pivots vanish, which do not "
+                      "tell how many of its singular values are zero; scale the matrix, or use another kind",
+                      replaced),
+          -1};
+}
+
 std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_small) {
   std::vector<Index> positions(outcome.replaced);
   if (!with_small) return positions;
@@ -67,6 +76,13 @@ std::vector<Index> vanishing(const device::FactorOutcome& outcome, bool with_sma
 }
 
 }  // namespace
+
+void forget_rank(FactorResult& r) {
+  r.rank = -1;
+  r.inertia = {};
+  r.determinant_sign = 0;
+  r.determinant_log = std::numeric_limits<double>::quiet_NaN();
+}
 
 std::vector<Index> columns_of(const Analysis& analysis, const std::vector<Index>& positions) {
   std::vector<Index> columns;
@@ -120,7 +136,7 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   r.determinant_sign = outcome.determinant_sign * p.transform_sign;
   r.determinant_log = outcome.determinant_log / (system.real_form ? 2 : 1) - numeric.scales().log;
   const bool bounded = options.perturbation > 0;  // the caller's bound says which pivots count as zero
-  const bool given = bounded || options.zero_pivot > 0;
+  const bool given = bounded || (options.zero_pivot > 0 && !p.unmatched);
   const Index zeros = given ? replaced : deficiency.zeros;
   r.rank = n - zeros;
   if (analysis.kind() == Kind::llt) r.inertia = {n - zeros, 0, zeros};
@@ -132,6 +148,12 @@ FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, con
   if (!given && r.perturbed > zeros) {  // the factor is that of another matrix
     r.determinant_sign = 0;
     r.determinant_log = std::numeric_limits<double>::quiet_NaN();
+  }
+  if (!given && replaced > 0 && deficiency.doubtful) {
+    forget_rank(r);
+    const bool surely_singular = zeros > 0 && options.singular == SingularMatrix::error;
+    r.status = unknown_rank(surely_singular ? StatusCode::singular : StatusCode::accuracy_not_reached, replaced);
+    return r;
   }
   if (zeros == 0 || bounded) return r;
   r.determinant_sign = 0;

@@ -158,6 +158,10 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
     });
   };
   Deficiency found = find(replaced, context_.single(), 0);
+  if (replaced && (found.doubtful || found.zeros < suspects)) {
+    std::optional<Deficiency> dense = with_deficiency_job([](const DeficiencyJob& job) { return zeros_of_dense(job); });
+    if (dense) return std::move(*dense);
+  }
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
   with_larger_pivots([&] {
     Deficiency again = find(true, true, found.complete ? found.zeros : 0);

@@ -35,7 +35,7 @@ class NumericOf final : public Numeric {
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
         rescale_(context.rescales() && analysis.kind() != Kind::llt),
         matching_(context.matches()),
-        given_zero_(context.options.zero_pivot),
+        given_zero_(prepared_.unmatched ? 0 : context.options.zero_pivot),
         given_(values),
         border_(analysis.plan.tree.border > 0 ? analysis.system->border : nullptr),
         border_values_(border_values),

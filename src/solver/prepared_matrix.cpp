@@ -398,35 +398,70 @@ std::vector<double> sizes_with_zeros(const MatrixView& a, const std::vector<doub
 
 bool has_zeros(const MatrixView& a) { return std::find(a.values.begin(), a.values.end(), 0.0) != a.values.end(); }
 
-// Where a matching is not complete, its scaling says little of rows and columns without partner: those with small
-// entries alone are raised until the largest is 1. @param a  in general storage
-void raise_small_ones(const MatrixView& a, std::vector<double>& row, std::vector<double>& col) {
-  std::vector<double> most(row.size(), 0);
-  const auto factor = [](double largest) { return largest > 0 && largest < 1 ? 1 / largest : 1; };
-  for (std::size_t c = 0; c < col.size(); ++c) {
-    double largest = 0;
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
-      largest = std::max(largest, std::abs(a.values[at(q)] * row[at(a.row_ind[at(q)])] * col[c]));
-    col[c] *= factor(largest);
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-      double& of_row = most[at(a.row_ind[at(q)])];
-      of_row = std::max(of_row, std::abs(a.values[at(q)] * row[at(a.row_ind[at(q)])] * col[c]));
+// Where a matching is not complete, its scaling says little of rows and columns without partner. The scaling of Curtis
+// and Reid (1972) leaves logarithms of the entries whose squares have the smallest sum: whatever the units of rows and
+// columns were, it leaves the same matrix, by conjugate gradients. Then sweeps of Ruiz bring the largest to 1.
+// @param a  in general storage
+void balance(const MatrixView& a, std::vector<double>& row, std::vector<double>& col) {
+  constexpr int kMostSteps = 200, kSweeps = 8;
+  constexpr double kLittle = 1e-2, kMostLog = 1000;
+  const std::size_t n = col.size();
+  std::vector<double> x(2 * n, 0), residual(x), direction(x), image(x), count(x);
+  const auto visit = [&](const auto& use) {
+    for (std::size_t c = 0; c < n; ++c)
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q)
+        if (a.values[at(q)] != 0) use(at(a.row_ind[at(q)]), n + c, std::log2(std::abs(a.values[at(q)])));
+  };
+  visit([&](std::size_t r, std::size_t c, double log) {
+    for (const std::size_t k : {r, c}) {
+      residual[k] -= log;
+      ++count[k];
+    }
+  });
+  const auto preconditioned = [&](std::size_t k) { return count[k] > 0 ? residual[k] / count[k] : 0; };
+  double before = 0;
+  for (int step = 0; step < kMostSteps; ++step) {
+    double most = 0, product = 0, curvature = 0;
+    for (std::size_t k = 0; k < 2 * n; ++k) {
+      most = std::max(most, std::abs(preconditioned(k)));
+      product += residual[k] * preconditioned(k);
+    }
+    if (!(most > kLittle)) break;
+    for (std::size_t k = 0; k < 2 * n; ++k)
+      direction[k] = preconditioned(k) + (before > 0 ? product / before * direction[k] : 0);
+    before = product;
+    std::fill(image.begin(), image.end(), 0);
+    visit([&](std::size_t r, std::size_t c, double) {
+      const double sum = direction[r] + direction[c];
+      image[r] += sum;
+      image[c] += sum;
+    });
+    for (std::size_t k = 0; k < 2 * n; ++k) curvature += direction[k] * image[k];
+    if (!(curvature > 0)) break;
+    for (std::size_t k = 0; k < 2 * n; ++k) {
+      x[k] += product / curvature * direction[k];
+      residual[k] -= product / curvature * image[k];
     }
   }
-  for (std::size_t r = 0; r < row.size(); ++r) row[r] *= factor(most[r]);
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    std::fill(image.begin(), image.end(), -std::numeric_limits<double>::infinity());
+    visit([&](std::size_t r, std::size_t c, double log) {
+      for (const std::size_t k : {r, c}) image[k] = std::max(image[k], log + x[r] + x[c]);
+    });
+    for (std::size_t k = 0; k < 2 * n; ++k)
+      if (count[k] > 0) x[k] -= image[k] / 2;
+  }
+  for (std::size_t k = 0; k < n; ++k) {
+    row[k] = std::exp2(std::clamp(x[k], -kMostLog, kMostLog));
+    col[k] = std::exp2(std::clamp(x[n + k], -kMostLog, kMostLog));
+  }
 }
 
 // Rows and columns alike.
-void raise_small_ones(const MatrixView& a, std::vector<double>& scale) {
-  for (std::size_t c = 0; c < scale.size(); ++c) {
-    double largest = 0;
-    for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) {
-      const std::size_t r = at(a.row_ind[at(q)]);
-      const double scaled = std::abs(a.values[at(q)] * scale[r] * scale[c]);
-      largest = std::max(largest, r == c ? std::sqrt(scaled) : scaled);
-    }
-    if (largest > 0 && largest < 1) scale[c] /= largest;
-  }
+void balance(const MatrixView& a, std::vector<double>& scale) {
+  std::vector<double> row(scale.size());
+  balance(a, row, scale);
+  for (std::size_t k = 0; k < scale.size(); ++k) scale[k] = std::sqrt(row[k]) * std::sqrt(scale[k]);
 }
 
 void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base::ThreadPool& pool) {
@@ -434,7 +469,7 @@ void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base
   p.row_scale = p.col_scale = std::move(m.scale);
   p.pair = std::move(m.pair);
   if (m.structural_rank == p.n()) return;
-  raise_small_ones(matrix::to_general(a), p.col_scale);
+  balance(matrix::to_general(a), p.col_scale);
   p.row_scale = p.col_scale;
   std::vector<double> sizes;
   if (has_zeros(a)) {
@@ -443,7 +478,8 @@ void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base
     m = analysis::symmetric_matching(a, pool);
     p.pair = std::move(m.pair);
   }
-  if (partners_needed && m.structural_rank < p.n())
+  p.unmatched = m.structural_rank < p.n();
+  if (partners_needed && p.unmatched)
     refuse_unmatched(unmatched_rows(analysis::maximum_product_matching(matrix::to_general(a)).row_of_col), p.n());
 }
 
@@ -462,7 +498,7 @@ void match_the_rest(std::vector<Index>& row_of_col) {
 
 void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed, base::ThreadPool& pool) {
   analysis::Matching m = analysis::maximum_product_matching(a, pool);
-  if (m.structural_rank < p.n()) raise_small_ones(a, m.row_scale, m.col_scale);
+  if (m.structural_rank < p.n()) balance(a, m.row_scale, m.col_scale);
   std::vector<double> sizes;
   if (m.structural_rank < p.n() && has_zeros(a)) {
     sizes = sizes_with_zeros(a, m.row_scale, m.col_scale);
@@ -474,6 +510,7 @@ void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed,
   }
   if (m.structural_rank < p.n()) {
     if (partners_needed) refuse_unmatched(unmatched_rows(m.row_of_col), p.n());
+    p.unmatched = true;
     match_the_rest(m.row_of_col);
   }
   p.pair = analysis::pairs_for_lu(a, m, pool);
@@ -546,11 +583,11 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
   Scales scales;
   if (matching && a.symmetric()) {
     analysis::SymmetricMatching m = analysis::symmetric_matching(a, pool);
-    if (m.structural_rank < p.n()) raise_small_ones(matrix::to_general(a), m.scale);
+    if (m.structural_rank < p.n()) balance(matrix::to_general(a), m.scale);
     scales.row = scales.col = std::move(m.scale);
   } else if (matching) {
     analysis::Matching m = analysis::maximum_product_matching(a, pool);
-    if (m.structural_rank < p.n()) raise_small_ones(a, m.row_scale, m.col_scale);
+    if (m.structural_rank < p.n()) balance(a, m.row_scale, m.col_scale);
     scales.row = std::move(m.row_scale);
     scales.col = std::move(m.col_scale);
   } else {

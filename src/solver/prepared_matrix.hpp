@@ -66,6 +66,7 @@ struct PreparedMatrix {
   std::vector<char> zero_diagonal;   ///< n; empty: none
   /// det A = det B * transform_sign * exp(-transform_log): sign of P, logarithm of det(R C). See note_determinant().
   double transform_sign = 1, transform_log = 0;
+  bool unmatched = false;  ///< entries leave rows without partner: singular whatever the values
   bool wide = false;  ///< a scaling factor lies outside 2^-300 .. 2^300: products with two of them overflow on the way
 
   [[nodiscard]] Index n() const { return a.cols; }

@@ -158,19 +158,21 @@ TYPED_TEST(Handleless, SingularIsAWarning) {
   EXPECT_EQ(host.negative(), a.negative);
 }
 
-// [I A^T; A 0] with more rows of A than columns, as Ipopt's least squares start: structurally singular. Nothing is
-// rounded: the bound of a zero pivot that these interfaces set, 1e-20, knows no other zeros.
+// [I A^T; A 0] with more rows of A than columns, as Ipopt's least squares start: structurally singular. The bound of a
+// zero pivot that these interfaces set, 1e-20, tells none of the zeros that rounding leaves.
 Kkt least_squares(int columns, int rows) {
   Kkt a;
   a.n = columns + rows;
   a.negative = columns;
+  std::mt19937 random(static_cast<unsigned>(rows));
+  std::uniform_real_distribution<double> value(-1, 1);
   for (int c = 0; c < columns; ++c) {
     a.rows.push_back(c + 1);
     a.values.push_back(1);
     for (int r = 0; r < rows; ++r) {
-      if (r % columns != c) continue;
+      if (r % columns != c && (r + 3) % columns != c) continue;
       a.rows.push_back(columns + r + 1);
-      a.values.push_back(r == c ? 2 : -1);
+      a.values.push_back(r == c ? 4 : value(random));
     }
     a.pointers.push_back(a.entries() + 1);
   }

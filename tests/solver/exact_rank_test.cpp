@@ -1,5 +1,7 @@
 // Rank, inertia, rows and null vectors of systems that are known without rounding (tests/verdict/exact.hpp), of
 // structurally singular ones and of ones with very many zeros. Truth: elimination in integers, the construction.
+#include <sstream>
+
 #include "solver_common.hpp"
 #include "verdict/exact.hpp"
 
@@ -57,11 +59,69 @@ Options reporting(Kind kind = Kind::automatic) {
   return o;
 }
 
+// Two pivots that vanish one after the other leave numbers of 1e30 in a factor, beside which a search for null vectors
+// sees no others: of these it found too few, and said nothing.
+TEST(ExactRank, WhereVanishingPivotsHideOthers) {
+  for (const std::uint64_t seed : {270079U, 209371U, 209807U, 210762U, 212696U, 223436U, 235919U, 236411U, 244947U,
+                                   249815U, 260340U, 268535U, 291022U}) {
+    const ExactCase c = verdict::make_exact_case(seed);
+    verdict::Trial trial = verdict::make_trial(c, seed);
+    trial.options.singular = SingularMatrix::report;
+    const std::string wrong = verdict::judge(c, trial.disguise, trial.options, seed);
+    EXPECT_TRUE(wrong.empty()) << "seed " << seed << ", n " << c.a.n << ": " << wrong << " (" << trial.name << ")";
+  }
+}
+
+// Row, column and value of each entry, 24 of them zeros that are stored. Rank 47 by elimination modulo 2^31 - 1.
+constexpr const char* kOfRank47 =
+    "0 4 12  0 16 7  0 36 -6  0 49 -12  0 53 -6  1 36 -4  1 42 -4  2 22 2  2 53 1  2 54 -4  3 37 0  3 43 0  "
+    "3 60 1  4 21 -1  4 57 -1  4 63 -4  4 64 0  5 22 -3  5 34 4  5 67 0  6 3 6  6 18 -9  6 22 4  6 45 -4  "
+    "6 46 6  6 59 9  8 67 4  9 21 2  9 28 1  9 57 2  9 61 -1  9 63 8  10 6 1  10 40 2  10 54 -1  11 2 1  "
+    "11 15 4  11 65 1  12 9 -12  12 29 4  12 65 8  13 3 0  13 6 12  13 14 16  13 34 -16  13 36 -16  13 42 -16  "
+    "13 52 -4  13 53 -8  13 62 16  13 65 -16  14 59 3  14 68 -4  15 2 1  15 4 3  16 9 1  16 13 4  16 27 1  "
+    "16 40 1  16 68 4  17 37 -3  17 52 -3  17 61 -4  18 12 -2  18 31 3  18 52 3  19 16 -1  19 17 4  19 41 -4  "
+    "19 43 3  20 0 0  20 21 -3  20 27 3  20 62 9  20 67 8  21 2 -1  21 15 -1  21 16 -1  21 27 -2  21 50 -2  "
+    "21 62 -1  22 13 -4  22 57 0  23 18 4  23 35 0  23 52 1  23 65 0  24 2 -2  24 12 6  24 14 4  24 15 -8  "
+    "24 42 -8  24 62 -12  25 9 0  25 13 4  25 33 3  25 49 2  26 18 3  26 45 2  26 49 0  26 59 -3  27 4 -4  "
+    "27 16 -2  27 36 2  27 49 4  27 53 2  27 57 0  28 16 -1  29 2 2  29 15 -9  29 18 -8  29 27 3  29 45 -6  "
+    "30 11 4  30 14 1  31 11 12  31 14 9  31 18 -3  31 36 3  31 54 2  32 6 4  32 42 -3  32 53 3  33 3 3  "
+    "33 22 2  33 45 1  33 46 3  34 7 -1  34 11 -4  34 22 2  34 68 -1  35 13 2  35 65 3  36 9 3  36 29 -1  "
+    "36 55 0  36 65 -2  37 3 3  37 33 3  37 50 -3  38 11 -4  38 14 -3  38 18 1  39 21 1  39 27 -1  39 62 -3  "
+    "40 7 0  40 41 4  40 50 2  40 52 -3  41 15 2  41 42 2  41 62 3  41 68 0  43 2 4  43 6 -4  43 18 -16  "
+    "43 42 3  43 45 -12  43 53 -3  44 2 1  44 18 -4  44 45 -3  45 13 4  45 25 -3  45 46 1  45 49 3  45 50 1  "
+    "45 51 3  45 65 1  46 12 2  46 31 -3  46 52 -3  46 59 -3  46 68 4  47 2 2  47 12 -6  47 13 -3  47 14 -4  "
+    "47 32 0  47 49 12  48 36 2  48 55 1  48 63 3  49 15 3  49 27 -1  50 2 -1  50 12 3  50 14 2  51 44 -2  "
+    "51 67 -4  52 28 -1  52 61 1  53 7 2  53 22 -1  53 63 -4  54 9 2  54 15 -1  54 22 1  55 21 3  55 27 -3  "
+    "55 36 9  55 54 6  55 62 -9  56 7 3  56 9 0  56 11 12  56 16 -4  56 17 16  56 22 -6  56 24 0  56 41 -16  "
+    "56 43 12  56 68 3  57 36 3  57 54 2  58 6 3  58 14 4  58 34 -4  58 52 -1  58 53 -2  58 62 4  58 65 -4  "
+    "59 3 -9  59 15 12  59 27 -4  59 33 -9  59 50 9  60 2 1  60 9 2  60 13 8  60 15 1  60 16 1  60 27 4  "
+    "60 40 2  60 50 2  60 62 1  60 68 8  61 42 0  61 52 -2  61 54 1  61 61 -3  62 6 -4  62 17 2  62 42 -4  "
+    "62 57 -1  62 65 2  63 4 3  63 15 2  63 50 -3  63 53 -3  63 63 -4  63 65 4  64 2 -1  64 33 -3  64 51 0  "
+    "64 53 4  65 1 0  65 47 0  66 13 -1  66 49 4  66 63 0  67 16 -1  67 17 4  67 37 0  67 41 -4  67 43 3  "
+    "68 63 1  69 2 -1  69 28 -2  69 40 -2  69 43 4  69 57 4  ";
+
+TEST(ExactRank, IsThatOfTheTransposed) {
+  std::vector<Triple> t;
+  std::istringstream in(kOfRank47);
+  Index i = 0, j = 0;
+  for (double v = 0; in >> i >> j >> v;) t.push_back({i, j, v});
+  for (const bool transpose : {false, true}) {
+    if (transpose)
+      for (Triple& e : t) std::swap(e.row, e.col);
+    Solver s(reporting(Kind::lu));
+    const SparseMatrix a = reference::from_triples(70, t, Storage::general);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    const FactorResult f = s.factorize(a);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_EQ(f.rank, 47);
+  }
+}
+
 struct Known {
   const char* name;
   SparseMatrix a;  ///< symmetric_lower
   Index negative, zeros;
-  bool unstable_in_lu = false;  ///< 300 zeros beside pivots that L U finds nowhere: not solved yet
+  bool unstable_in_lu = false;  ///< 300 zeros beside pivots that L U finds nowhere: it may say that it tells no rank
 };
 
 // 2 x 2 blocks in a row: rank `blocks` of twice as many.
@@ -132,13 +192,16 @@ TEST(ManyZeros, RankInertiaAndSolutionOfAnyNumber) {
     for (const Kind kind : {Kind::automatic, Kind::ldlt, Kind::lu})
       for (const Storage storage : {Storage::symmetric_lower, Storage::symmetric_upper, Storage::general}) {
         SCOPED_TRACE(testing::Message() << known.name << " kind " << static_cast<int>(kind));
-        if (kind == Kind::lu && known.unstable_in_lu) continue;
         const SparseMatrix a = reference::stored_as(known.a, storage);
         const auto n = static_cast<std::size_t>(a.rows);
         Solver s(reporting(kind));
         const AnalysisResult analysis = s.analyze(a);
         ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
         const FactorResult f = s.factorize(a);
+        if (kind == Kind::lu && known.unstable_in_lu && !f.status.ok()) {
+          EXPECT_EQ(f.rank, -1) << "a rank of a factor that tells none";
+          continue;
+        }
         ASSERT_TRUE(f.status.ok()) << f.status.message;
         EXPECT_EQ(a.rows - f.rank, known.zeros);
         EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), known.zeros);
