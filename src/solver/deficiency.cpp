@@ -218,6 +218,50 @@ Block first_columns(const Block& q, Index columns) {
   return part;
 }
 
+/// diag(row) B diag(col), in units that do not depend on those of B's rows and columns (Curtis and Reid 1972, by
+/// sweeps), with the norm of B. What one scaling leaves next to nothing, another may show.
+struct Balanced {
+  Eigen::MatrixXd b;
+  Eigen::VectorXd row, col;
+};
+
+Balanced balanced(const Eigen::MatrixXd& b, bool symmetric) {
+  constexpr int kSweeps = 60, kSweepsOfMaxima = 8;
+  constexpr double kMostLog = 500;
+  const Eigen::Index n = b.rows();
+  const Eigen::ArrayXXd logs = b.array().abs().log2();
+  Eigen::ArrayXd row = Eigen::ArrayXd::Zero(n), col = row, sums(n), counts(n);
+  const auto sweep = [&](bool rows, const auto& use) {
+    for (Eigen::Index j = 0; j < n; ++j)
+      for (Eigen::Index i = 0; i < n; ++i)
+        if (b(i, j) != 0) use(rows ? i : j, logs(i, j) + row[i] + col[j]);
+  };
+  for (int k = 0; k < 2 * kSweeps; ++k) {
+    sums.setZero();
+    counts.setConstant(1e-300);
+    sweep(k % 2 == 0, [&](Eigen::Index at, double log) {
+      sums[at] += log;
+      ++counts[at];
+    });
+    (k % 2 == 0 ? row : col) -= sums / counts;
+  }
+  for (int k = 0; k < 2 * kSweepsOfMaxima; ++k) {
+    sums.setConstant(-std::numeric_limits<double>::infinity());
+    sweep(k % 2 == 0, [&](Eigen::Index at, double log) { sums[at] = std::max(sums[at], log); });
+    (k % 2 == 0 ? row : col) -= sums.isFinite().select(0.5 * sums, 0.0);
+  }
+  if (symmetric) row = col = (0.5 * (row + col)).eval();
+  const auto factor = [=](const Eigen::ArrayXd& log) {
+    return Eigen::VectorXd(log.max(-kMostLog).min(kMostLog).unaryExpr([](double x) { return std::exp2(x); }));
+  };
+  Balanced out{b, factor(row), factor(col)};
+  out.b = out.row.asDiagonal() * b * out.col.asDiagonal();
+  const double norm = out.b.norm();
+  if (norm > 0) out.row *= b.norm() / norm;
+  if (norm > 0) out.b *= b.norm() / norm;
+  return out;
+}
+
 class Search {
  public:
   explicit Search(const DeficiencyJob& job)
@@ -374,6 +418,40 @@ class Search {
     Eigen::Map<Eigen::MatrixXd>(x.values.data(), n, n - rank) = qr.householderQ() * last;
     if (x.columns > 0 && !vanish(b_.product(x, transpose), x)) return {};
     return x;
+  }
+
+  /// Likewise, by whichever scaling proves the higher rank. @param symmetric  B is, and stays so
+  [[nodiscard]] std::optional<Block> null_columns_of_dense(bool symmetric, bool transpose) const {
+    const Eigen::MatrixXd b = dense();
+    std::optional<Block> best = null_columns(transpose ? b : Eigen::MatrixXd(b.transpose()), transpose);
+    if (!b.allFinite() || (best && best->columns == 0)) return best;
+    const Balanced other = balanced(b, symmetric);
+    if (!other.b.allFinite()) return best;
+    const Eigen::MatrixXd op = transpose ? Eigen::MatrixXd(other.b.transpose()) : other.b;
+    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(op.transpose());
+    const Eigen::Index n = op.rows();
+    const Eigen::Index rank = (qr.matrixR().diagonal().cwiseAbs().array() > zero_).count();
+    if (best && n - rank >= best->columns) return best;
+    const Eigen::MatrixXd inverse = qr.matrixR()
+                                        .topLeftCorner(rank, rank)
+                                        .triangularView<Eigen::Upper>()
+                                        .solve(Eigen::MatrixXd::Identity(rank, rank));
+    if (!(inverse.norm() * zero_ < 1)) return best;
+    Eigen::MatrixXd last = Eigen::MatrixXd::Zero(n, n - rank);
+    last.bottomRows(n - rank).setIdentity();
+    Eigen::MatrixXd null = qr.householderQ() * last;
+    if (((op * null).colwise().norm().array() > zero_).any()) return best;
+    null = (transpose ? other.row : other.col).asDiagonal() * null;
+    Block x(static_cast<Index>(n), static_cast<Index>(n - rank));
+    Eigen::Map<Eigen::MatrixXd>(x.values.data(), n, n - rank) = null.colwise().normalized();
+    return x;
+  }
+
+  /// Small matrices are asked themselves: a factor of poor pivots may look regular.
+  [[nodiscard]] bool agrees_with_dense(Index zeros) const {
+    if (b_.n() > kCheapDense) return true;
+    const std::optional<Block> truth = null_columns_of_dense(job_.kind == Kind::ldlt && !b_.two_sided(), false);
+    return !truth || truth->columns == zeros;
   }
 
   /// Negative eigenvalues of a symmetric B on them, `zeros` left out.
@@ -760,11 +838,7 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
   const Index columns = all ? zeros : kProof;
   Block null = search.null_columns(columns, false, all);
   if (null.columns == 0) return {};
-  constexpr Index kCheap = 128;  // then the matrix itself is asked: a factor of poor pivots may look regular
-  if (search.matrix().n() <= kCheap) {
-    const std::optional<Block> truth = search.null_columns(search.dense().transpose(), false);
-    if (truth && truth->columns != zeros) return {};
-  }
+  if (!search.agrees_with_dense(zeros)) return {};
   Deficiency found;
   found.zeros = zeros / parts;
   found.smallest = 0;
@@ -788,7 +862,7 @@ std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span
   const auto right = search.reduce(rows, false);
   if (!right) return {};
   std::optional<Block> null = search.null_columns(*right, false);
-  if (!null || null->columns % parts != 0) return {};
+  if (!null || null->columns % parts != 0 || !search.agrees_with_dense(null->columns)) return {};
   Deficiency found;
   found.smallest = 0;
   found.reduced = true;
@@ -816,22 +890,27 @@ std::optional<Deficiency> zeros_of_dense(const DeficiencyJob& job) {
   if (!(search.zero() > 0) || !std::isfinite(search.zero())) return {};
   const Eigen::MatrixXd b = search.dense();
   if (!b.allFinite()) return {};
-  std::optional<Block> null = search.null_columns(b.transpose(), false);
+  const bool symmetric = job.kind == Kind::ldlt && !search.matrix().two_sided();
+  std::optional<Block> null = search.null_columns_of_dense(symmetric, false);
   if (!null || null->columns % parts != 0) return {};
   Deficiency found;
   found.smallest = 0;
   found.reduced = found.dense = true;
   found.zeros = null->columns / parts;
-  if (job.kind == Kind::ldlt && !search.matrix().two_sided()) {
-    const Eigen::VectorXd values =
-        Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(b, Eigen::EigenvaluesOnly).eigenvalues();
-    if ((values.array().abs() <= search.zero()).count() != null->columns) return {};
+  if (symmetric) {
+    const auto values_of = [](const Eigen::MatrixXd& m) -> Eigen::VectorXd {
+      return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(m, Eigen::EigenvaluesOnly).eigenvalues();
+    };
+    const auto zeros_in = [&](const Eigen::VectorXd& x) { return (x.array().abs() <= search.zero()).count(); };
+    Eigen::VectorXd values = values_of(b);
+    if (zeros_in(values) != null->columns) values = values_of(balanced(b, true).b);
+    if (zeros_in(values) != null->columns) return {};
     found.negative = static_cast<Index>((values.array() < -search.zero()).count()) / parts;
   }
   if (found.zeros == 0) return found;
   Block left(search.matrix().n(), 0);
   if (job.kind == Kind::lu) {
-    std::optional<Block> other = search.null_columns(b, true);
+    std::optional<Block> other = search.null_columns_of_dense(false, true);
     if (!other || other->columns != null->columns) return {};
     left = std::move(*other);
   }

@@ -88,6 +88,9 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
 /// @returns nothing where that cannot be told, or takes too long
 std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span<const Index> rows,
                                              std::span<const Index> columns);
+/// Real unknowns up to which a matrix is always asked itself what its rank is, by whichever scaling proves a higher
+/// one.
+constexpr Index kCheapDense = 128;
 /// Rank, null vectors and negative eigenvalues of a small matrix, without its factor: two vanishing pivots, one after
 /// the other, make numbers of 1e30 in it, beside which a search sees no other zeros.
 /// @returns nothing where the matrix is large, or its rank is not clear

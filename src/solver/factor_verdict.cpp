@@ -158,7 +158,7 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
     });
   };
   Deficiency found = find(replaced, context_.single(), 0);
-  if (replaced && (found.doubtful || found.zeros < suspects)) {
+  if (replaced && (found.doubtful || found.zeros < suspects || analysis_->doubles() <= kCheapDense)) {
     std::optional<Deficiency> dense = with_deficiency_job([](const DeficiencyJob& job) { return zeros_of_dense(job); });
     if (dense) return std::move(*dense);
   }
