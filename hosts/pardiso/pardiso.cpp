@@ -144,6 +144,12 @@ int Problem::analyze(const Call<Int>& call, Report& report) {
     report.bad_row = solver->row() + 1;
     return kNoOrder;
   }
+  // Other singular structures are factorized with perturbed pivots, as the original does, and solved where they can be.
+  for (std::int64_t row = 0; !symmetric(type_) && row < call.n; ++row)
+    if (call.pointers[row] == call.pointers[row + 1]) {
+      report.bad_row = row + 1;
+      return kNoOrder;
+    }
   if (status != ESPALIER_OK) return error_of(status);
   const espalier_analysis_info& a = solver->analysis();
   report.analysis_kilobytes = a.predicted_bytes / 1024;

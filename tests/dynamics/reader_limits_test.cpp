@@ -232,8 +232,11 @@ TEST(ReaderLimits, PathsWithAZeroByte) {
   refused(&SimulationOptions::restart);
   EXPECT_EQ(static_cast<int>(Simulation{SimulationOptions{}}.load(zero).code),
             static_cast<int>(StatusCode::invalid_input));
-  expect_model_refused(kPendulum + "[surfaces.s]\nbody = \"ground\"\nfile = \"/dev/null\\u0000x\"\nshape = \"mesh\"\n",
-                       "zero byte");
+  expect_model_refused(
+      kPendulum +
+          "[surfaces.s]\nbody = \"ground\"\nfile = \"/dev/null\\u0000x\"\nshape = \"mesh\"\n[surfaces.t]\nbody = "
+          "\"bob\"\nshape = \"sphere\"\nradius = 1\n[contacts.c]\nsurfaces = [\"s\", \"t\"]\nstiffness = 1\n",
+      "zero byte");
   EXPECT_FALSE(std::filesystem::exists(cut));
 }
 

@@ -53,7 +53,8 @@ TEST(Andrews, All27ValuesToEightDigits) {
   const AndrewsTruth truth = andrews_truth(600), finer = andrews_truth(900);
   EXPECT_LT(truth.position, 1e-15L);
   double seconds = 0;
-  const State s = run_andrews(1e-13, seconds);
+  // Below 2e-13 some steps meet the rounding of the accelerations (1e5 times larger than positions) and get no shorter.
+  const State s = run_andrews(2e-13, seconds);
   for (std::size_t i = 0; i < 27; ++i) {
     const auto exact = static_cast<double>(truth.y[i]);
     EXPECT_LT(std::abs((truth.y[i] - finer.y[i]) / truth.y[i]), 1e-12L) << "the truth itself, value " << i;

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/output_file.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/solid_contact.hpp"
@@ -109,6 +110,7 @@ class SurfaceBuilder {
   std::shared_ptr<const contact::TriangleSurface> triangles_of(const SurfaceFile& file) {
     auto& known = files_[{file.path, file.scale}];
     if (known) return known;
+    base::check_path(file.path);
     if (!std::filesystem::exists(file.path))
       throw Error(StatusCode::invalid_input,
                   fmt::format("there is no file '{}'; paths are relative to the folder of the model", file.path));
