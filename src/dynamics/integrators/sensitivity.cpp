@@ -22,7 +22,9 @@ constexpr int kFirstPasses = 4;           // before that is looked at
 constexpr double kNoise = 1e-7;           // changes below this that do not shrink are rounding
 constexpr int kMostPoor = 15;             // passes in a row that gain nothing
 constexpr double kHelped = 0.3;           // passes that shrink less are helped
-constexpr int kTurns = 3;                 // poor passes, after which the tangent of a side is taken
+// Changes that are rounding, over those that move no state: of a pass, and of the last passes of a whole run.
+constexpr double kPassRounding = 0.004, kLeftRounding = 0.1;
+constexpr int kTurns = 3;  // poor passes, after which the tangent of a side is taken
 
 void add_to(std::vector<double>& x, double factor, const std::vector<double>& y) {
   for (std::size_t i = 0; i < x.size(); ++i) x[i] += factor * y[i];
@@ -247,17 +249,16 @@ ForwardSensitivity::Change ForwardSensitivity::pass(Side& side, const SidePast p
   return {change_q, change_v};
 }
 
-double ForwardSensitivity::relative(const Side& side, const Change& change) {
-  constexpr double kOfNothing = 0.004;  // changes that are rounding
-  const auto over = [](double x, double size, double nothing) {
-    return x <= kOfNothing * nothing ? 0 : x / std::max(size, nothing);
+double ForwardSensitivity::relative(const Side& side, const Change& change, double rounding) {
+  const auto over = [rounding](double x, double size, double nothing) {
+    return x <= rounding * nothing ? 0 : x / std::max(size, nothing);
   };
   return std::max(over(change.q, side.size_q, side.nothing_q), over(change.v, side.size_v, side.nothing_v));
 }
 
 double ForwardSensitivity::defect() const {
   double worst = 0;
-  for (const Side& side : sides_) worst = std::max(worst, relative(side, side.left));
+  for (const Side& side : sides_) worst = std::max(worst, relative(side, side.left, kLeftRounding));
   return worst;
 }
 
@@ -290,7 +291,7 @@ void ForwardSensitivity::settle(Side& side, const State& now, const SidePast pas
     const double before = size;
     const Variation from = side.s;
     change = pass(side, past, now);
-    size = relative(side, change);
+    size = relative(side, change, kPassRounding);
     if (!std::isfinite(size))
       throw Error(StatusCode::accuracy_not_reached, fmt::format("the sensitivities at t = {:g} are no numbers", now.t));
     const bool stands = size > kShrinks * std::min(before, least);

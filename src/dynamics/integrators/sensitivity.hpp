@@ -84,7 +84,7 @@ class ForwardSensitivity {
   void solve(const std::vector<double>& upper, const std::vector<double>& lower, std::vector<double>& x,
              std::vector<double>& multipliers);
   Change pass(Side& side, const SidePast past[2], const State& now);
-  [[nodiscard]] static double relative(const Side& side, const Change& change);
+  [[nodiscard]] static double relative(const Side& side, const Change& change, double rounding);
   void predict(Side& side) const;
   void take_tangent(const State& now);
   void take_tangent_of(const Side& side, int above);
