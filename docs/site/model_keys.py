@@ -59,6 +59,7 @@ SECTIONS = (
     ("Substructures: lines", "read_bodies.cpp", "read_lines", (), (("Bodies", "substructure"),)),
     ("Material of a body", "read_bodies.cpp", "material", (), (("Bodies", "solid"),)),
     ("[markers.NAME] and frames", "read_joints.cpp", "read_marker", (), (("Markers", "key"),)),
+    ("How a face is held", "read_joints.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
     ("Axes of a marker", "read_joints.cpp", "read_axes", (), (("Markers", "key"),)),
     ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
     ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),

@@ -130,5 +130,5 @@ def test_objective_mistakes():
         model.gradient(lambda t, values: (1 / 0, values), ["parameters.k"], quantities="mass.position.x")
     with pytest.raises(TypeError):
         model.gradient(lambda t, values: 1.0, ["parameters.k"], quantities="mass.position.x")
-    with pytest.raises(esp.InvalidInputError, match="finite"):
+    with pytest.raises(ValueError, match="is nan"):
         model.gradient(lambda t, values: (np.nan, values), ["parameters.k"], quantities="mass.position.x")
