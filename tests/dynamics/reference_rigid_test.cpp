@@ -53,7 +53,7 @@ TEST(Andrews, All27ValuesToEightDigits) {
   const AndrewsTruth truth = andrews_truth(600), finer = andrews_truth(900);
   EXPECT_LT(truth.position, 1e-15L);
   double seconds = 0;
-  // Below 2e-13 some steps meet the rounding of the accelerations (1e5 times larger than positions) and get no shorter.
+  // With 1.3e-13 and less the step size falls below its least value at t = 0.0214 on some machines; the cause is open.
   const State s = run_andrews(2e-13, seconds);
   for (std::size_t i = 0; i < 27; ++i) {
     const auto exact = static_cast<double>(truth.y[i]);
