@@ -235,17 +235,17 @@ void bench_factorizations(const Bench& bench) {
         against([&] { copy(spd, x), bench.blas.potrf("L", &ni, x.data(), &ldi, &info); }));
     bench.row(
         label("ldlt random", n, n, n), cube / 3, "GF/s",
-        [&] { copy(kkt, x), t.ldlt(n, x.data(), ld, 0, perm.data(), d.data(), e.data(), replaced.data()); },
+        [&] { copy(kkt, x), t.ldlt(n, x.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data()); },
         against(
             [&] { copy(kkt, x), bench.blas.sytrf("L", &ni, x.data(), &ldi, perm.data(), work.data(), &size, &info); }));
     bench.row(
         label("ldlt definite", n, n, n), cube / 3, "GF/s",
-        [&] { copy(spd, x), t.ldlt(n, x.data(), ld, 0, perm.data(), d.data(), e.data(), replaced.data()); },
+        [&] { copy(spd, x), t.ldlt(n, x.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data()); },
         against(
             [&] { copy(spd, x), bench.blas.sytrf("L", &ni, x.data(), &ldi, perm.data(), work.data(), &size, &info); }));
     bench.row(
         label("getrf", n, n, n), 2 * cube / 3, "GF/s",
-        [&] { copy(full, x), t.getrf(n, x.data(), ld, 0, perm.data(), replaced.data()); },
+        [&] { copy(full, x), t.getrf(n, x.data(), ld, {}, perm.data(), replaced.data()); },
         against([&] { copy(full, x), bench.blas.getrf(&ni, &ni, x.data(), &ldi, perm.data(), &info); }));
     bench.row(
         label("invert_lower", n, n, n), cube / 3, "GF/s", [&] { t.invert_lower(n, spd.data(), ld, false, w.data()); },
@@ -279,15 +279,15 @@ void bench_fronts(const Bench& bench) {
         [&] { copy(spd, x), t.partial_potrf(m, k, x.data(), ld); }, nullptr);
     bench.row(
         label("front ldlt random", m, k, 0), front_work(m, k), "GF/s",
-        [&] { copy(kkt, x), t.partial_ldlt(m, k, x.data(), ld, 0, perm.data(), d.data(), e.data(), replaced.data()); },
+        [&] { copy(kkt, x), t.partial_ldlt(m, k, x.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data()); },
         nullptr);
     bench.row(
         label("front ldlt definite", m, k, 0), front_work(m, k), "GF/s",
-        [&] { copy(spd, x), t.partial_ldlt(m, k, x.data(), ld, 0, perm.data(), d.data(), e.data(), replaced.data()); },
+        [&] { copy(spd, x), t.partial_ldlt(m, k, x.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data()); },
         nullptr);
     bench.row(
         label("front getrf", m, k, 0), 2 * front_work(m, k), "GF/s",
-        [&] { copy(full, x), t.partial_getrf(m, k, x.data(), ld, 0, perm.data(), replaced.data()); }, nullptr);
+        [&] { copy(full, x), t.partial_getrf(m, k, x.data(), ld, {}, perm.data(), replaced.data()); }, nullptr);
   }
 }
 

@@ -79,6 +79,21 @@ class ScaledMatrix {
     return v * (transpose ? row_ : col_)[static_cast<std::size_t>(i / parts_)];
   }
 
+  // From op(B) to the caller's op(A), a transpose instead of A^H.
+  void to_caller(RankCorrection& c, bool transpose) const {
+    const auto& of_rows = transpose ? col_ : row_;
+    for (Index d = 0; d < c.to.columns; ++d) {
+      for (std::size_t k = 0; k < c.places.size(); ++k) c.from.column(d)[k] *= of_rows[at(c.places[k] / parts_)];
+      for (Index i = 0; i < c.to.rows; ++i) c.to.column(d)[i] = unscaled(i, c.to.column(d)[i], transpose);
+    }
+    if (!transpose || job_.prepared.numbers != base::Numbers::complex) return;
+    for (Index d = 0; d < c.to.columns; ++d) {
+      for (std::size_t k = 0; k < c.places.size(); ++k)
+        if (c.places[k] % 2 != 0) c.from.column(d)[k] = -c.from.column(d)[k];
+      for (Index i = 1; i < c.to.rows; i += 2) c.to.column(d)[i] = -c.to.column(d)[i];
+    }
+  }
+
   // op(B) x in extended precision.
   [[nodiscard]] Block product(const Block& x, bool transpose) const {
     Block in = x, out(n(), x.columns);
@@ -312,6 +327,8 @@ class Search {
     bool vanished = false;
     for (int step = 0; step < kMostSteps; ++step) {
       Block y = b_.product(x, transpose);
+      // Further steps would take away what is none of the null space as well as what rounding has left.
+      if (step == 1 && !below(y, x, near())) break;
       if (step > 0 && vanish(y, x)) {
         if (vanished || !polished) return x;
         vanished = true;
@@ -328,49 +345,91 @@ class Search {
     for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
   }
 
-  /// What op(B) makes of (B + E)^-1 E, where E stands in these rows (of op(B)).
+  /// What op(B) makes of Z = (B + E)^-1 E W, where E stands in these rows (of op(B)).
   struct Reduced {
-    Block z{0, 0};      // the columns of (B + E)^-1 E, of length 1
-    Eigen::MatrixXd m;  // op(B) z in the rows of E; the others are zero
+    Block z{0, 0};                                   // columns of about 1
+    Eigen::MatrixXd m;                               // op(B) Z in the rows of E; the others are zero
+    Index rank = 0;                                  // of m, surely: zeros and others are far apart
+    Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr;  // of m, or of random combinations of its rows
   };
+  /// W of all columns.
   [[nodiscard]] std::optional<Reduced> reduce(std::span<const Index> rows, bool transpose) const {
-    constexpr double kNothing = 1e-10;
-    const Index parts = base::parts_of(job_.prepared.numbers);
-    std::vector<Index> places;
-    for (const Index row : rows)
-      for (Index part = 0; part < parts; ++part) places.push_back(parts * row + part);
-    Block u(b_.n(), static_cast<Index>(places.size()));
-    for (Index c = 0; c < u.columns; ++c) u.column(c)[places[at(c)]] = 1;
-    Reduced r{b_.inverse(std::move(u), transpose), Eigen::MatrixXd(places.size(), places.size())};
-    if (!normalize(job_.pool, r.z)) return {};
-    Block y = b_.product(r.z, transpose);
-    for (Index c = 0; c < y.columns; ++c) {
-      for (Index k = 0; k < y.columns; ++k) r.m(k, c) = std::exchange(y.column(c)[places[at(k)]], 0);
-      for (Index i = 0; i < y.rows; ++i)
-        if (!(std::abs(y.column(c)[i]) <= kNothing * b_.norm())) return {};
-    }
+    Reduced r{b_.inverse(unit_vectors(rows), transpose), {}, 0, {}};
+    if (!normalize(job_.pool, r.z) || !reduce(r, rows, transpose)) return {};
     return r;
   }
-  /// Null vectors of op(B) among them. @returns nothing where zeros and others are not far apart
+  /// W of random columns, more of them until they are more than m has of independent ones: the rank of m is that of
+  /// samples of it (Halko, Martinsson and Tropp 2011).
+  [[nodiscard]] std::optional<Reduced> sample(std::span<const Index> rows, bool transpose) const {
+    constexpr Index kFirstSamples = 24, kMostSamples = 512, kSpare = 4;
+    constexpr double kMostGrowth = 1e6;  // beside what has grown so far, others might not be seen
+    const std::vector<Index> places = real_places(rows);
+    for (Index samples = kFirstSamples; samples < kMostSamples && at(samples) < places.size(); samples *= 2) {
+      Reduced r{Block(b_.n(), samples), {}, 0, {}};
+      for (Index c = 0; c < samples; ++c)
+        for (std::size_t k = 0; k < places.size(); ++k)
+          r.z.column(c)[places[k]] = random_number(at(c) * places.size() + k);
+      const double given = norm_two(job_.pool, r.z.column(0), b_.n());
+      r.z = b_.inverse(std::move(r.z), transpose);
+      for (Index c = 0; c < samples; ++c) {
+        const double length = norm_two(job_.pool, r.z.column(c), b_.n());
+        if (!(length * b_.norm() <= kMostGrowth * given)) return {};
+        divide(job_.pool, r.z.column(c), length, b_.n());
+      }
+      if (!reduce(r, rows, transpose)) return {};
+      if (r.rank + kSpare <= samples) return r;
+    }
+    return {};
+  }
+  /// Null vectors of op(B) among all of them.
   [[nodiscard]] std::optional<Block> null_columns(const Reduced& r, bool transpose) const {
-    constexpr double kGap = 16;
-    const Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(r.m);
-    const auto sizes = qr.matrixR().diagonal().cwiseAbs();
-    const auto rank = static_cast<Index>((sizes.array() > zero_).count());
     const Index k = r.z.columns;
-    if (rank > 0 && sizes(rank - 1) < kGap * zero_) return {};
-    Eigen::MatrixXd combined(k, k - rank);
-    combined.bottomRows(k - rank).setIdentity();
-    combined.topRows(rank) = -qr.matrixR()
-                                  .topLeftCorner(rank, rank)
-                                  .triangularView<Eigen::Upper>()
-                                  .solve(qr.matrixR().topRightCorner(rank, k - rank));
-    combined = qr.colsPermutation() * combined;
-    Block x(r.z.rows, k - rank);
+    Eigen::MatrixXd combined(k, k - r.rank);
+    combined.bottomRows(k - r.rank).setIdentity();
+    combined.topRows(r.rank) = -r.qr.matrixR()
+                                    .topLeftCorner(r.rank, r.rank)
+                                    .triangularView<Eigen::Upper>()
+                                    .solve(r.qr.matrixR().topRightCorner(r.rank, k - r.rank));
+    combined = r.qr.colsPermutation() * combined;
+    Block x(r.z.rows, k - r.rank);
     Eigen::Map<Eigen::MatrixXd>(x.values.data(), x.rows, x.columns) =
         Eigen::Map<const Eigen::MatrixXd>(r.z.values.data(), r.z.rows, k) * combined;
     if (x.columns > 0 && !vanish(b_.product(x, transpose), x)) return {};
     return x;
+  }
+  /// By which solutions of op(B) are corrected.
+  [[nodiscard]] RankCorrection correction(const Reduced& r, std::span<const Index> rows, bool transpose) const {
+    RankCorrection c{real_places(rows), Block(static_cast<Index>(r.m.rows()), r.rank), Block(b_.n(), r.rank)};
+    using Map = Eigen::Map<Eigen::MatrixXd>;
+    const auto chosen = r.qr.colsPermutation().indices().head(r.rank);
+    const Eigen::HouseholderQR<Eigen::MatrixXd> range(r.m(Eigen::all, chosen));
+    Map(c.from.values.data(), r.m.rows(), r.rank) =
+        range.householderQ() * Eigen::MatrixXd::Identity(r.m.rows(), r.rank);
+    const Eigen::MatrixXd z =
+        Eigen::Map<const Eigen::MatrixXd>(r.z.values.data(), b_.n(), r.z.columns)(Eigen::all, chosen);
+    Map(c.to.values.data(), b_.n(), r.rank) =
+        range.matrixQR().topRows(r.rank).triangularView<Eigen::Upper>().solve<Eigen::OnTheRight>(z);
+    b_.to_caller(c, transpose);
+    return c;
+  }
+  /// Those of the rows of E that depend on the others: all but so many as are independent on the other directions.
+  [[nodiscard]] std::vector<Index> dependent(const Reduced& r, std::span<const Index> rows) const {
+    const auto without = [&](const auto& m, Index rank) {
+      const Eigen::FullPivLU<std::decay_t<decltype(m)>> lu(m);
+      std::vector<char> regular(rows.size(), 0);
+      for (Index k = 0; k < rank; ++k) regular[at(lu.permutationP().transpose().eval().indices()(k))] = 1;
+      std::vector<Index> others;
+      for (std::size_t k = 0; k < rows.size(); ++k)
+        if (regular[k] == 0) others.push_back(rows[k]);
+      std::sort(others.begin(), others.end());
+      return others;
+    };
+    const Eigen::MatrixXd m = r.m(Eigen::all, r.qr.colsPermutation().indices().head(r.rank));
+    if (job_.prepared.numbers == base::Numbers::real) return without(m, r.rank);
+    Eigen::MatrixXcd complex(m.rows() / 2, m.cols());
+    complex.real() = m(Eigen::seqN(0, m.rows() / 2, 2), Eigen::all);
+    complex.imag() = m(Eigen::seqN(1, m.rows() / 2, 2), Eigen::all);
+    return without(complex, r.rank / 2);
   }
   /// Whether vectors that are perpendicular to these null vectors lead to others: some that vanishing pivots make much
   /// larger drown the rest of a block, as if it were no part of the null space.
@@ -454,24 +513,62 @@ class Search {
     return !truth || truth->columns == zeros;
   }
 
-  /// Negative eigenvalues of a symmetric B on them, `zeros` left out.
-  [[nodiscard]] static Index negative(const Reduced& r, std::span<const Index> rows, Index zeros) {
-    const auto k = static_cast<Index>(r.m.rows()), parts = k / static_cast<Index>(rows.size());
-    Eigen::MatrixXd z(k, k);
-    for (Index c = 0; c < k; ++c)
-      for (Index i = 0; i < k; ++i)
-        z(i, c) = r.z.values[at(Offset{c} * r.z.rows + parts * rows[at(i / parts)] + i % parts)];
+  /// Negative eigenvalues of a symmetric B on them (samples of a form have its inertia).
+  [[nodiscard]] Index negative(const Reduced& r, std::span<const Index> rows) const {
+    const std::vector<Index> places = real_places(rows);
+    Eigen::MatrixXd z(r.m.rows(), r.m.cols());
+    for (Index c = 0; c < r.z.columns; ++c)
+      for (std::size_t i = 0; i < places.size(); ++i) z(static_cast<Eigen::Index>(i), c) = r.z.column(c)[places[i]];
     const Eigen::MatrixXd h = z.transpose() * r.m;
     Eigen::VectorXd values =
         Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>((h + h.transpose()) / 2, Eigen::EigenvaluesOnly).eigenvalues();
     std::sort(values.begin(), values.end(), [](double a, double b) { return std::abs(a) > std::abs(b); });
-    return static_cast<Index>((values.head(k - zeros).array() < 0).count());
+    return static_cast<Index>((values.head(r.rank).array() < 0).count());
   }
 
   [[nodiscard]] double zero() const { return zero_; }
   [[nodiscard]] const ScaledMatrix& matrix() const { return b_; }
 
  private:
+  [[nodiscard]] std::vector<Index> real_places(std::span<const Index> rows) const {
+    const Index parts = base::parts_of(job_.prepared.numbers);
+    std::vector<Index> places;
+    for (const Index row : rows)
+      for (Index part = 0; part < parts; ++part) places.push_back(parts * row + part);
+    return places;
+  }
+  [[nodiscard]] Block unit_vectors(std::span<const Index> rows) const {
+    const std::vector<Index> places = real_places(rows);
+    Block u(b_.n(), static_cast<Index>(places.size()));
+    for (Index c = 0; c < u.columns; ++c) u.column(c)[places[at(c)]] = 1;
+    return u;
+  }
+  // m of Z, and its rank. @returns false where other rows do not vanish, or zeros and others are not far apart
+  bool reduce(Reduced& r, std::span<const Index> rows, bool transpose) const {
+    constexpr double kNothing = 1e-10, kGap = 16;
+    constexpr Eigen::Index kMore = 16;
+    const std::vector<Index> places = real_places(rows);
+    Block y = b_.product(r.z, transpose);
+    r.m.resize(static_cast<Eigen::Index>(places.size()), y.columns);
+    for (Index c = 0; c < y.columns; ++c) {
+      for (std::size_t k = 0; k < places.size(); ++k)
+        r.m(static_cast<Eigen::Index>(k), c) = std::exchange(y.column(c)[places[k]], 0);
+      for (Index i = 0; i < y.rows; ++i)
+        if (!(std::abs(y.column(c)[i]) <= kNothing * b_.norm())) return false;
+    }
+    const Eigen::Index few = r.m.cols() + kMore;
+    if (r.m.rows() > 2 * few) {
+      Eigen::MatrixXd mixed(few, r.m.rows());
+      for (Eigen::Index k = 0; k < mixed.size(); ++k) mixed.data()[k] = random_number(at(k));
+      r.qr.compute(mixed * r.m / std::sqrt(static_cast<double>(few)));
+    } else {
+      r.qr.compute(r.m);
+    }
+    const auto sizes = r.qr.matrixR().diagonal().cwiseAbs();
+    r.rank = static_cast<Index>((sizes.array() > zero_).count());
+    return r.rank == 0 || sizes(r.rank - 1) >= kGap * zero_;
+  }
+
   // Whether all singular values are surely above a bound. A random vector of unit length has a part of at least
   // 1 / (kUnlucky sqrt(n)) in the direction of the smallest one, s, but for a few of a thousand; k solutions in turn
   // let that part alone grow by s^-k. That is said of the factor. Where s is not far above the bound (a long plate has
@@ -521,6 +618,13 @@ class Search {
       if (!(norm_two(job_.pool, to, x.rows) <= zero_ * norm_two(job_.pool, from, x.rows))) return false;
       if (!(largest(to) <= zero_ * largest(from))) return false;
     }
+    return true;
+  }
+
+  // Lengths of columns.
+  [[nodiscard]] bool below(const Block& y, const Block& x, double ratio) const {
+    for (Index c = 0; c < x.columns; ++c)
+      if (!(norm_two(job_.pool, y.column(c), x.rows) <= ratio * norm_two(job_.pool, x.column(c), x.rows))) return false;
     return true;
   }
 
@@ -853,31 +957,40 @@ std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros)
 
 std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span<const Index> rows,
                                              std::span<const Index> columns) {
-  constexpr double kMost = 0x1p31;  // a few seconds
+  constexpr double kMost = 0x1p37;  // a minute, for null vectors that are asked for
   const Index parts = base::parts_of(job.prepared.numbers);
   const double pivots = static_cast<double>(parts) * static_cast<double>(rows.size());
+  const double work = job.prepared.n() * parts * pivots * pivots;
+  const bool all = work <= job.vector_work;
   Search search(job);
-  if (rows.empty() || search.matrix().n() * pivots * pivots > kMost || !search.surely_regular()) return {};
+  if (rows.empty() || (all && work > kMost) || !search.surely_regular()) return {};
   search.prepare();
-  const auto right = search.reduce(rows, false);
+  const bool lu = job.kind == Kind::lu;
+  const auto reduced = [&](std::span<const Index> places, bool transpose) {
+    return all ? search.reduce(places, transpose) : search.sample(places, transpose);
+  };
+  const auto right = reduced(rows, false);
   if (!right) return {};
-  std::optional<Block> null = search.null_columns(*right, false);
-  if (!null || null->columns % parts != 0 || !search.agrees_with_dense(null->columns)) return {};
+  const Index zeros = static_cast<Index>(pivots) - right->rank;
+  if (zeros % parts != 0 || !search.agrees_with_dense(zeros)) return {};
   Deficiency found;
   found.smallest = 0;
   found.reduced = true;
-  found.zeros = null->columns / parts;
-  if (job.kind == Kind::ldlt && !search.matrix().two_sided())
-    found.negative = Search::negative(*right, rows, null->columns) / parts;
+  found.zeros = zeros / parts;
+  if (job.kind == Kind::ldlt && !search.matrix().two_sided()) found.negative = search.negative(*right, rows) / parts;
   if (found.zeros == 0) return found;
-  Block left(search.matrix().n(), 0);
-  if (job.kind == Kind::lu) {
-    const auto reduced = search.reduce(columns, true);
-    std::optional<Block> other = reduced ? search.null_columns(*reduced, true) : std::nullopt;
-    if (!other || other->columns != null->columns) return {};
-    left = std::move(*other);
+  const auto left = lu ? reduced(columns, true) : std::nullopt;
+  if (lu && (!left || left->rank != right->rank)) return {};
+  if (lu) found.corrections = {search.correction(*right, rows, false), search.correction(*left, columns, true)};
+  if (!all) {
+    found.rows = search.dependent(*right, rows);
+    if (lu) found.columns = search.dependent(*left, columns);
+    return found;
   }
-  describe_all(job, search, 0, std::move(*null), std::move(left), found);
+  std::optional<Block> null = search.null_columns(*right, false);
+  std::optional<Block> other = lu ? search.null_columns(*left, true) : Block(search.matrix().n(), 0);
+  if (!null || !other) return {};
+  describe_all(job, search, 0, std::move(*null), std::move(*other), found);
   return found;
 }
 

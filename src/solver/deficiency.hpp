@@ -18,6 +18,7 @@
 #include "solve/residual.hpp"
 #include "solver/numeric.hpp"
 #include "solver/prepared_matrix.hpp"
+#include "solver/rank_correction.hpp"
 
 namespace espalier::solver {
 
@@ -46,7 +47,8 @@ struct Deficiency {
   bool complete = true;              ///< false: more zeros than vectors were sought; `zeros` counts pivots
   bool by_pivots = false;            ///< each replaced pivot is a zero, and tells its row; no row was sought
   bool reduced = false;              ///< `negative` is that of the whole matrix
-  bool dense = false;                ///< told by the matrix itself, whatever its factor is worth
+  std::vector<RankCorrection> corrections;  ///< lu, zeros_among_pivots(): of A and of A^T
+  bool dense = false;                       ///< told by the matrix itself, whatever its factor is worth
 };
 
 /// A search finds no more zeros.

@@ -160,6 +160,7 @@ class Factor {
   [[nodiscard]] bool searches_on_host(device::FactorOutcome& outcome);
   [[nodiscard]] bool small_pivots_are_zeros(const device::FactorOutcome& outcome);
   [[nodiscard]] bool proves_zeros(device::FactorOutcome& outcome);
+  [[nodiscard]] bool zeros_beside_others(const device::FactorOutcome& outcome);
   [[nodiscard]] std::optional<Deficiency> zeros_among(const device::FactorOutcome& outcome);
   [[nodiscard]] bool zeros_without_search(const device::FactorOutcome& outcome);
   device::FactorOutcome settle_pivots();
@@ -215,6 +216,7 @@ class Factor {
   bool parts_ = true;                         // vanishing pivots count as zeros, until that proves wrong
   bool had_zeros_ = false;                    // the last factorization ended with replaced pivots
   bool follows_ = false;                      // numeric_ goes on with what the last factorization has left
+  std::vector<RankCorrection> corrections_;   // of solutions: vanishing pivots of lu stand for more than zeros
   bool gave_up_ = false;                      // no place was found for failing pivots
   FactorResult result_;
   std::uint64_t stamp_ = 0;

@@ -23,6 +23,7 @@ void Factor::complete(device::FactorOutcome& outcome) {
 }
 
 device::FactorOutcome Factor::settle_pivots(device::FactorOutcome outcome) {
+  corrections_.clear();
   if (analysis_->kind() == Kind::llt) return with_suspects(std::move(outcome));
   PivotPolicy policy(narrow_tiles());
   if (zeros_explain(outcome)) return outcome;
@@ -74,7 +75,7 @@ bool Factor::zeros_explain(device::FactorOutcome& outcome) {
   complete(outcome);
   if (spoilt()) return false;
   if (parts_with_zeros()) {
-    if (!outcome.failed.empty()) return zeros_without_search(outcome);
+    if (!outcome.failed.empty()) return zeros_without_search(outcome) || zeros_beside_others(outcome);
     if (proves_zeros(outcome)) return true;
     if (spoilt() || outcome.replaced.empty()) return false;
   }

@@ -106,7 +106,7 @@ bool Factor::zeros_without_search(const device::FactorOutcome& outcome) {
 // Whether vanishing pivots, or these and small ones, all stand for zeros and nothing else does. Where that is not sure,
 // they stand as small numbers from now on, with which a factor finds what has been missed.
 bool Factor::proves_zeros(device::FactorOutcome& outcome) {
-  constexpr double kSmall = 1e-9;  // what rounding leaves of zeros in large matrices is smaller
+  constexpr double kInPlaceOfZero = 1e-9;  // what rounding leaves of zeros in large matrices is smaller
   constexpr std::size_t kFew = 8;  // small pivots are looked at one by one
   if (!parts_with_zeros()) return false;
   if (zeros_without_search(outcome)) return true;
@@ -117,7 +117,7 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
   numeric_->halt_at_failures(false);
   const bool small = unstable_pivots(outcome).empty() && !outcome.small.empty();
   if (small) {
-    numeric_->set_smallest_pivot(kSmall);
+    numeric_->set_smallest_pivot(kInPlaceOfZero);
     outcome = numeric_->factorize();
   }
   const bool proven = small && zeros_without_search(outcome);
@@ -129,6 +129,18 @@ bool Factor::proves_zeros(device::FactorOutcome& outcome) {
   }
   numeric_->halt_at_failures(halts_);
   return deficiency_.has_value();
+}
+
+// More pivots of lu vanish than there are zeros. Where the others are few, solutions are corrected in as many
+// directions, and no better places are sought.
+bool Factor::zeros_beside_others(const device::FactorOutcome& outcome) {
+  constexpr Index kFew = 256;
+  if (analysis_->kind() != Kind::lu || context_.link != nullptr) return false;
+  std::optional<Deficiency> found = zeros_among(outcome);
+  if (!found || analysis_->system->unknowns(outcome.replaced.size()) - found->zeros > kFew) return false;
+  corrections_ = std::move(found->corrections);
+  deficiency_ = std::move(found);
+  return true;
 }
 
 // Of columns that vanish for want of rows that others have taken.
@@ -252,10 +264,11 @@ bool Factor::is_triangular() {
 bool Factor::goes_to_substitution() { return !substitutes() && is_triangular(); }
 
 void Factor::solve(const double* b, double* x, Index columns, bool transpose) {
-  if (substitution_)
-    substitution_->solve(b, x, columns, transpose);
-  else
-    numeric_->solve(b, x, columns, transpose);
+  if (substitution_) return substitution_->solve(b, x, columns, transpose);
+  if (corrections_.empty()) return numeric_->solve(b, x, columns, transpose);
+  const std::vector<double> given(b, b + Offset{columns} * analysis_->doubles());
+  numeric_->solve(b, x, columns, transpose);
+  corrections_[transpose ? 1 : 0].add(*residual_space(), given.data(), x, columns, transpose);
 }
 
 }  // namespace espalier::solver

@@ -205,8 +205,7 @@ TYPED_TEST(ComplexKernels, PivotedLdl) {
       std::vector<T> d(static_cast<std::size_t>(n)), e(d);
       std::vector<std::int32_t> perm(d.size());
       std::vector<char> replaced(d.size());
-      const PivotCounts counts = t.ldlt(n, c.data(), ld, static_cast<typename Kernels<T>::Real>(1e-20), perm.data(),
-                                        d.data(), e.data(), replaced.data());
+      const PivotCounts counts = t.ldlt(n, c.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data());
       Wide l = from_scratch(c, n, n, ld).template triangularView<Eigen::StrictlyLower>();
       l += Wide::Identity(n, n);
       const Wide m = block_diagonal(d, e, hermitian);
@@ -237,8 +236,7 @@ TYPED_TEST(ComplexKernels, PartialLdlLeavesTheSchurComplement) {
     std::vector<T> d(static_cast<std::size_t>(k)), e(d);
     std::vector<std::int32_t> perm(d.size());
     std::vector<char> replaced(d.size());
-    t.partial_ldlt(n, k, c.data(), ld, static_cast<typename Kernels<T>::Real>(1e-20), perm.data(), d.data(), e.data(),
-                   replaced.data());
+    t.partial_ldlt(n, k, c.data(), ld, {}, perm.data(), d.data(), e.data(), replaced.data());
     const Wide s =
         a.bottomRightCorner(n - k, n - k) -
         a.bottomLeftCorner(n - k, k) * a.topLeftCorner(k, k).partialPivLu().solve(a.topRightCorner(k, n - k));
@@ -256,7 +254,7 @@ TYPED_TEST(ComplexKernels, PivotedLu) {
       Array<T> c = scratch_of<T>(a, ld);
       std::vector<std::int32_t> perm(static_cast<std::size_t>(n));
       std::vector<char> replaced(perm.size());
-      t.getrf(n, c.data(), ld, static_cast<typename Kernels<T>::Real>(1e-20), perm.data(), replaced.data());
+      t.getrf(n, c.data(), ld, {}, perm.data(), replaced.data());
       const Wide f = from_scratch(c, n, n, ld), u = f.template triangularView<Eigen::Upper>();
       const Wide l = Wide(f.template triangularView<Eigen::StrictlyLower>()) + Wide::Identity(n, n);
       Wide moved(n, n);

@@ -133,8 +133,9 @@ struct Ldlt {
         middle(0, 0),
         permuted(a) {
     const std::int64_t m = a.rows;
-    counts = k == m ? t.ldlt(m, x.data(), ld, tiny, perm.data(), d.data(), e.data(), replaced.data())
-                    : t.partial_ldlt(m, k, x.data(), ld, tiny, perm.data(), d.data(), e.data(), replaced.data());
+    counts = k == m
+                 ? t.ldlt(m, x.data(), ld, {tiny, tiny}, perm.data(), d.data(), e.data(), replaced.data())
+                 : t.partial_ldlt(m, k, x.data(), ld, {tiny, tiny}, perm.data(), d.data(), e.data(), replaced.data());
     const Dense c = from_scratch(x, ld, m, m);
     l = left_factor(c, k, true);
     middle = middle_factor(c, k);
@@ -288,7 +289,7 @@ TYPED_TEST(FactorKernelsTest, NanNeitherHangsNorEscapes) {
           EXPECT_FALSE(finite) << "bad input must show in the factor";
           Array<T> x = to_scratch<T>(a, padded<T>(n));
           std::vector<char> replaced(static_cast<std::size_t>(n));
-          t.getrf(n, x.data(), padded<T>(n), T(1e-6), perm.data(), replaced.data());
+          t.getrf(n, x.data(), padded<T>(n), {T(1e-6), T(1e-6)}, perm.data(), replaced.data());
           std::sort(perm.begin(), perm.end());
           for (std::int64_t i = 0; i < n; ++i) ASSERT_EQ(perm[static_cast<std::size_t>(i)], i);
         }
@@ -307,9 +308,8 @@ TYPED_TEST(FactorKernelsTest, LuMultipliesBackWithBoundedFactor) {
       Array<T> x = to_scratch<T>(a, ld);
       std::vector<std::int32_t> perm(static_cast<std::size_t>(f.k));
       std::vector<char> replaced(static_cast<std::size_t>(f.k));
-      const PivotCounts counts = f.k == f.m
-                                     ? t.getrf(f.m, x.data(), ld, T(0), perm.data(), replaced.data())
-                                     : t.partial_getrf(f.m, f.k, x.data(), ld, T(0), perm.data(), replaced.data());
+      const PivotCounts counts = f.k == f.m ? t.getrf(f.m, x.data(), ld, {}, perm.data(), replaced.data())
+                                            : t.partial_getrf(f.m, f.k, x.data(), ld, {}, perm.data(), replaced.data());
       EXPECT_EQ(counts.perturbed, 0);
       const Dense c = from_scratch(x, ld, f.m, f.m), l = left_factor(c, f.k, true);
       Dense u = c, permuted = a;
@@ -340,7 +340,7 @@ TYPED_TEST(FactorKernelsTest, LuReplacesTinyPivots) {
       Array<T> x = to_scratch<T>(a, padded<T>(n));
       std::vector<std::int32_t> perm(static_cast<std::size_t>(n));
       std::vector<char> replaced(static_cast<std::size_t>(n));
-      EXPECT_EQ(t.getrf(n, x.data(), padded<T>(n), tiny, perm.data(), replaced.data()).perturbed, 1);
+      EXPECT_EQ(t.getrf(n, x.data(), padded<T>(n), {tiny, tiny}, perm.data(), replaced.data()).perturbed, 1);
       EXPECT_EQ(replaced[static_cast<std::size_t>(n / 2)], 1);
       EXPECT_EQ(std::abs(x[n / 2 * padded<T>(n) + n / 2]), tiny);
     }

@@ -84,13 +84,13 @@ auto DelayingFront<Value>::factor_tile(Index width) -> std::vector<Failure> {
   const Offset below = rows_ - first_;
   std::vector<Index> pivots(at(width));
   if (lu_) {
-    dense.getrf(width, tile_.data(), ld, rule_.tiny, perm_.data(), replaced_.data());
+    dense.getrf(width, tile_.data(), ld, {rule_.tiny, rule_.tiny}, perm_.data(), replaced_.data());
     dense.invert_upper_transposed(width, tile_.data(), ld, inverse_u_.data());
     pack_columns(tile, false);
     dense.trmm_nt(below, width, panels_.data(), inverse_u_.data(), l_.data());
   } else {
     Value *d = d_.data(), *e = d + width;
-    dense.ldlt(width, tile_.data(), ld, rule_.tiny, perm_.data(), d, e, replaced_.data());
+    dense.ldlt(width, tile_.data(), ld, {rule_.tiny, rule_.tiny}, perm_.data(), d, e, replaced_.data());
     dense.invert_lower(width, tile_.data(), ld, true, inverse_.data());
     for (Index k = 0; k < width; ++k) pivots[at(k)] = tile[at(perm_[at(k)])];
     pack_columns(pivots, false);

@@ -30,10 +30,17 @@ constexpr std::int64_t padded(std::int64_t n) {
   return (n + kPanel<T> - 1) / kPanel<T> * kPanel<T>;
 }
 
+/// A pivot smaller than `below` in magnitude is replaced by one of the magnitude `instead`, of its sign.
+template <class Real>
+struct ZeroPivot {
+  Real below;
+  Real instead;
+};
+
 /// Outcome of a factorization with pivoting inside a tile.
 struct PivotCounts {
   int two_by_two = 0;  ///< 2x2 pivots
-  int perturbed = 0;   ///< pivots replaced because they were below `tiny`
+  int perturbed = 0;   ///< pivots that were replaced
   int negative = 0;    ///< negative eigenvalues of D (ldlt)
 };
 
@@ -78,12 +85,12 @@ struct Kernels {
   std::int64_t (*potrf)(std::int64_t n, T* c, std::int64_t ld);
   /// P^T C P = L D L^T with Bunch-Kaufman pivoting (rook search) inside the tile. On return the strict lower triangle
   /// of C holds unit L, perm[k] the row of the given C that stands at k, d and e the diagonal and subdiagonal of D
-  /// (e[k] != 0 marks a 2x2 pivot at k, k+1). A pivot smaller than `tiny` in magnitude is replaced by +-tiny;
-  /// replaced[k] = 1 there (else 0; array of n).
-  PivotCounts (*ldlt)(std::int64_t n, T* c, std::int64_t ld, Real tiny, std::int32_t* perm, T* d, T* e, char* replaced);
+  /// (e[k] != 0 marks a 2x2 pivot at k, k+1). replaced[k] = 1 where a pivot was replaced (else 0; array of n).
+  PivotCounts (*ldlt)(std::int64_t n, T* c, std::int64_t ld, ZeroPivot<Real> zero, std::int32_t* perm, T* d, T* e,
+                      char* replaced);
   /// P C = L U with row pivoting; unit L strictly below, U on and above the diagonal; perm[k] the row of the given C
   /// that stands at k. Replacement as in ldlt.
-  PivotCounts (*getrf)(std::int64_t n, T* c, std::int64_t ld, Real tiny, std::int32_t* perm, char* replaced);
+  PivotCounts (*getrf)(std::int64_t n, T* c, std::int64_t ld, ZeroPivot<Real> zero, std::int32_t* perm, char* replaced);
   /// W (n x n panels) = inverse of the lower triangle of C (unit diagonal when `unit`), zeros above the diagonal.
   void (*invert_lower)(std::int64_t n, const T* c, std::int64_t ld, bool unit, T* w);
   /// W (n x n panels) = transpose of the inverse of the upper triangle U of C (lower triangular panels).
@@ -99,12 +106,12 @@ struct Kernels {
   /// Like ldlt with pivots chosen among the first k rows: columns 0..k-1 become unit L (strictly below the diagonal,
   /// all m rows; what stands on the diagonal is undefined), the trailing lower triangle is reduced by L21 D L21^T.
   /// perm, d, e, replaced: k entries each. Only |L| inside the pivot block is bounded.
-  PivotCounts (*partial_ldlt)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real tiny, std::int32_t* perm,
-                              T* d, T* e, char* replaced);
+  PivotCounts (*partial_ldlt)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, ZeroPivot<Real> zero,
+                              std::int32_t* perm, T* d, T* e, char* replaced);
   /// Like getrf with row pivots chosen among the first k rows: L in columns 0..k-1 (all m rows), U in rows 0..k-1 (all
   /// m columns), the trailing square is reduced by L21 U12. perm, replaced: k entries each.
-  PivotCounts (*partial_getrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real tiny, std::int32_t* perm,
-                               char* replaced);
+  PivotCounts (*partial_getrf)(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, ZeroPivot<Real> zero,
+                               std::int32_t* perm, char* replaced);
 
   // ---- substitution: right-hand sides in row-major groups of `nr` columns (nr == 1, or a multiple of kPanel, ld ==
   // nr) ----

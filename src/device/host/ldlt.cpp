@@ -34,7 +34,7 @@ struct Elimination {
   std::int64_t k;  ///< rows among which pivots are chosen
   T* c;            ///< lower triangle, column-major
   std::int64_t ld;
-  Real<T> tiny;
+  ZeroPivot<Real<T>> zero;
   std::int32_t* perm;
   T* d;
   T* e;
@@ -111,7 +111,7 @@ Choice choose_pivot(const Elimination<T>& f, std::int64_t j) {
   T* there = here + f.ldw;
   Real<T> column_largest = load_column<T, kConjugate>(f, j, j, t);
   // NaN fails every comparison below and thus ends the search at once
-  if (!(magnitude_of(here[j]) < alpha * column_largest) || !(column_largest >= f.tiny)) return {j, -1};
+  if (!(magnitude_of(here[j]) < alpha * column_largest) || !(column_largest >= f.zero.below)) return {j, -1};
   std::int64_t p = j, q = find_row(here, column_largest, {j, f.k, j});
   for (std::int64_t round = j; round < f.k && q != p; ++round) {
     const Real<T> row_largest = load_column<T, kConjugate>(f, j, q, t + 1);
@@ -154,9 +154,9 @@ void eliminate_one(Elimination<T>& f, std::int64_t j) {
   const T* w = f.w + (j - f.first) * f.ldw;
   T pivot = w[j];
   if constexpr (kConjugate) pivot = real_of(pivot);
-  f.replaced[j] = magnitude_of(pivot) < f.tiny || pivot == T(0) ? 1 : 0;
+  f.replaced[j] = magnitude_of(pivot) < f.zero.below || pivot == T(0) ? 1 : 0;
   if (f.replaced[j] != 0) {
-    pivot = replacement(f.tiny, pivot);
+    pivot = replacement(f.zero.instead, pivot);
     ++f.counts.perturbed;
   }
   f.counts.negative += kHasSigns<T, kConjugate> && real_of(pivot) < Real<T>(0) ? 1 : 0;
@@ -243,10 +243,10 @@ std::int64_t eliminate_panel(Elimination<T>& f) {
 }
 
 template <class T, bool kConjugate>
-PivotCounts partial_ldlt(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm, T* d,
-                         T* e, char* replaced) {
+PivotCounts partial_ldlt(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, ZeroPivot<Real<T>> zero,
+                         std::int32_t* perm, T* d, T* e, char* replaced) {
   const std::int64_t ldw = padded<T>(m);
-  Elimination<T> f{m, k, c, ld, tiny, perm, d, e, replaced, scratch<T>(ldw * (kStep + 2)), ldw};
+  Elimination<T> f{m, k, c, ld, zero, perm, d, e, replaced, scratch<T>(ldw * (kStep + 2)), ldw};
   for (std::int64_t j = 0; j < k; ++j) perm[j] = static_cast<std::int32_t>(j);
   while (f.first < k) {
     const std::int64_t next = eliminate_panel<T, kConjugate>(f);
@@ -259,8 +259,9 @@ PivotCounts partial_ldlt(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, 
 }
 
 template <class T, bool kConjugate>
-PivotCounts ldlt(std::int64_t n, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm, T* d, T* e, char* replaced) {
-  return partial_ldlt<T, kConjugate>(n, n, c, ld, tiny, perm, d, e, replaced);
+PivotCounts ldlt(std::int64_t n, T* c, std::int64_t ld, ZeroPivot<Real<T>> zero, std::int32_t* perm, T* d, T* e,
+                 char* replaced) {
+  return partial_ldlt<T, kConjugate>(n, n, c, ld, zero, perm, d, e, replaced);
 }
 
 template <class T, bool kConjugate>

@@ -25,7 +25,7 @@ struct Elimination {
   std::int64_t k;  ///< pivots
   T* c;
   std::int64_t ld;
-  Real<T> tiny;
+  ZeroPivot<Real<T>> zero;
   std::int32_t* perm;
   char* replaced;
   T* inverses;          ///< per pivot block: inverse of its unit lower triangle, P x P column-major
@@ -152,9 +152,9 @@ void factor_block_column(Elimination<T>& f, std::int64_t j, std::int64_t end) {
     f.pivot[s] = found < 0 ? s : found;  // none when all are zero or NaN
     std::swap(f.perm[s], f.perm[f.pivot[s]]);
     exchange_rows(f, s, s + 1, j, last);
-    f.replaced[s] = magnitude_of(column[s]) < f.tiny || column[s] == T(0) ? 1 : 0;
+    f.replaced[s] = magnitude_of(column[s]) < f.zero.below || column[s] == T(0) ? 1 : 0;
     if (f.replaced[s] != 0) {
-      column[s] = replacement(f.tiny, column[s]);
+      column[s] = replacement(f.zero.instead, column[s]);
       ++f.counts.perturbed;
     }
     largest = eliminate_column(f, s, last, column[s] == T(0) ? T(0) : T(1) / column[s]);
@@ -184,14 +184,14 @@ void invert_block(const Elimination<T>& f, std::int64_t j, std::int64_t end) {
 }
 
 template <class T>
-PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm,
-                          char* replaced) {
+PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld, ZeroPivot<Real<T>> zero,
+                          std::int32_t* perm, char* replaced) {
   constexpr std::int64_t p = kPanel<T>;
   const std::int64_t rows = padded<T>(k);
   T* memory = scratch<T>(
       rows * p + (rows * static_cast<std::int64_t>(sizeof(std::int64_t)) - 1) / static_cast<std::int64_t>(sizeof(T)) +
       1);
-  Elimination<T> f{m, k, c, ld, tiny, perm, replaced, memory, reinterpret_cast<std::int64_t*>(memory + rows * p)};
+  Elimination<T> f{m, k, c, ld, zero, perm, replaced, memory, reinterpret_cast<std::int64_t*>(memory + rows * p)};
   for (std::int64_t j = 0; j < k; ++j) perm[j] = static_cast<std::int32_t>(j);
   for (std::int64_t j = 0; j < m; j += p) {
     const std::int64_t depth = std::min(j, k);
@@ -207,8 +207,8 @@ PivotCounts partial_getrf(std::int64_t m, std::int64_t k, T* c, std::int64_t ld,
 }
 
 template <class T>
-PivotCounts getrf(std::int64_t n, T* c, std::int64_t ld, Real<T> tiny, std::int32_t* perm, char* replaced) {
-  return partial_getrf(n, n, c, ld, tiny, perm, replaced);
+PivotCounts getrf(std::int64_t n, T* c, std::int64_t ld, ZeroPivot<Real<T>> zero, std::int32_t* perm, char* replaced) {
+  return partial_getrf(n, n, c, ld, zero, perm, replaced);
 }
 
 template <class T, bool>

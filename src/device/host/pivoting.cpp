@@ -139,7 +139,7 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
   const Offset ld = block.ld;
   T* c = w.c.data();
   char* replaced = w.marks.data();
-  const auto tiny = static_cast<RealOf<T>>(s.rule.tiny);
+  const auto zero = zero_pivot<T>(s.rule);
   PivotCounts counts;
   if (s.kind == Kind::llt) {
     const auto good = static_cast<Index>(s.dense.potrf(n, c, ld));
@@ -151,11 +151,10 @@ void factor_diagonal(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
   }
   std::int32_t* perm = s.pivot_order.data() + at;
   if (s.kind == Kind::ldlt) {
-    counts = s.dense.ldlt(n, c, ld, tiny, perm, w.column.data(), w.column.data() + n, replaced);
+    counts = s.dense.ldlt(n, c, ld, zero, perm, w.column.data(), w.column.data() + n, replaced);
   } else {
-    counts = s.dense.getrf(n, c, ld, tiny, perm, replaced);
+    counts = s.dense.getrf(n, c, ld, zero, perm, replaced);
   }
-  part_with_zeros(s, w, block, n, replaced);
   if (s.kind == Kind::lu) s.dense.invert_upper_transposed(n, c, ld, inverse2);
   book_pivots(s, w, block, counts, replaced);
   s.dense.invert_lower(n, c, ld, true, inverse);
@@ -218,20 +217,6 @@ void mark_rows_inside(NumericState<T>& s, Workspace<T>& w, const PivotBlock& blo
   mark_rows(s, block.at, block.size, w.growth());
 }
 
-template <class T>
-void part_with_zeros(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index rows, const char* replaced) {
-  if (!(s.rule.in_place_of_zero > 0)) return;
-  const auto in_place = static_cast<RealOf<T>>(s.rule.in_place_of_zero);
-  const auto share = static_cast<RealOf<T>>(s.rule.tiny / s.rule.in_place_of_zero);
-  for (Index k = 0; k < block.size; ++k) {
-    if (replaced[k] == 0) continue;
-    T* column = w.c.data() + Offset{k} * block.ld;
-    T& pivot = s.kind == Kind::ldlt ? w.column[k] : column[k];
-    pivot = std::real(pivot) < 0 ? -in_place : in_place;
-    for (Index i = k + 1; i < rows; ++i) column[i] *= share;
-  }
-}
-
 #define ESPALIER_INSTANTIATE(T)                                                                                   \
   template void book_pivots(NumericState<T>&, Workspace<T>&, const PivotBlock&, const PivotCounts&, const char*); \
   template void factor_diagonal(NumericState<T>&, Workspace<T>&, const PivotBlock&, T*, T*);                      \
@@ -239,8 +224,7 @@ void part_with_zeros(NumericState<T>& s, Workspace<T>& w, const PivotBlock& bloc
   template void mark_growth(NumericState<T>&, Index, Index, const RealOf<T>*);                                    \
   template bool has_parted(const NumericState<T>&, Index, Index);                                                 \
   template void mark_rows(NumericState<T>&, Index, Index, const RealOf<T>*);                                      \
-  template void mark_rows_inside(NumericState<T>&, Workspace<T>&, const PivotBlock&, Index);                      \
-  template void part_with_zeros(NumericState<T>&, Workspace<T>&, const PivotBlock&, Index, const char*);
+  template void mark_rows_inside(NumericState<T>&, Workspace<T>&, const PivotBlock&, Index);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

@@ -43,6 +43,13 @@ void invert_blocks(Index n, const T* d, const T* e, T* d_inverse, T* e_inverse, 
   }
 }
 
+/// What stands for a vanishing pivot: E of the factor of B + E, no other entry (solver/deficiency.hpp).
+template <class T>
+ZeroPivot<RealOf<T>> zero_pivot(const PivotRule& rule) {
+  return {static_cast<RealOf<T>>(rule.tiny),
+          static_cast<RealOf<T>>(rule.in_place_of_zero > 0 ? rule.in_place_of_zero : rule.tiny)};
+}
+
 /// Pivots of a front that are eliminated together, in work.c.
 struct PivotBlock {
   Index front;
@@ -84,10 +91,5 @@ void mark_rows(NumericState<T>& s, Index at, Index n, const RealOf<T>* growth);
 /// The same for the first `columns` columns of work.c. Of no effect for other kinds.
 template <class T>
 void mark_rows_inside(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index columns);
-
-/// What PivotRule::in_place_of_zero asks for, after a factorization in work.c that has replaced pivots by +-tiny.
-/// @param rows  of work.c
-template <class T>
-void part_with_zeros(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, Index rows, const char* replaced);
 
 }  // namespace espalier::device::host

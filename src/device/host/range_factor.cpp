@@ -70,7 +70,7 @@ class WholeFront {
     T* c = w_.c.data();
     const Index at = plan_.tree.first[f_];
     const PivotBlock block{f_, at, k_, ld_};
-    const auto tiny = static_cast<RealOf<T>>(s_.rule.tiny);
+    const auto zero = zero_pivot<T>(s_.rule);
     char* replaced = w_.marks.data();
     if (s_.kind == Kind::llt) {
       const auto good = static_cast<Index>(s_.dense.partial_potrf(m_, k_, c, ld_));
@@ -81,9 +81,8 @@ class WholeFront {
     std::int32_t* perm = s_.pivot_order.data() + at;
     const PivotCounts counts =
         s_.kind == Kind::ldlt
-            ? s_.dense.partial_ldlt(m_, k_, c, ld_, tiny, perm, w_.column.data(), w_.column.data() + k_, replaced)
-            : s_.dense.partial_getrf(m_, k_, c, ld_, tiny, perm, replaced);
-    part_with_zeros(s_, w_, block, m_, replaced);
+            ? s_.dense.partial_ldlt(m_, k_, c, ld_, zero, perm, w_.column.data(), w_.column.data() + k_, replaced)
+            : s_.dense.partial_getrf(m_, k_, c, ld_, zero, perm, replaced);
     book_pivots(s_, w_, block, counts, replaced);
     mark_rows_inside(s_, w_, block, m_);
   }

@@ -264,11 +264,11 @@ HWY_INLINE T conjugate(T x) {
 }
 /// What takes the place of a pivot that is too small.
 template <class T>
-T replacement(Real<T> tiny, T pivot) {
+T replacement(Real<T> size, T pivot) {
   if constexpr (kComplex<T>) {
-    return T(std::copysign(tiny, pivot.real()));
+    return T(std::copysign(size, pivot.real()));
   } else {
-    return std::copysign(tiny, pivot);
+    return std::copysign(size, pivot);
   }
 }
 template <class T>
