@@ -65,6 +65,7 @@ class Search {
   std::vector<char> purify(Tall& batch, double rounding, std::vector<double>& eigenvalues);
   void take_modes(Tall batch, std::vector<double> eigenvalues, std::vector<double> bounds,
                   const std::vector<char>& good);
+  void clear_massless(double* x, Index columns) const;
   std::optional<Workspace> device_workspace(Index most, Index least);
   [[nodiscard]] Index known_beyond(double from) const;
   [[nodiscard]] bool finished() const;

@@ -150,5 +150,23 @@ TEST(ModesGraded, WhatIsMissingBelowIsSaid) {
   EXPECT_GE(right, 2);
 }
 
+// The same blocks in other units: from all zeros further directions are rounding, and their rows without mass grew
+// until they were none. With eigenvalues near 1e-61 OP twice was beyond all numbers.
+TEST(ModesGraded, NumbersStayFinite) {
+  MatrixXd k(3, 3);
+  k << 0, 4, 0, 4, 0, 2, 0, 2, 0;
+  const double root = std::sqrt(20.0) * 0x1p30;
+  const std::vector<Block> blocks = {{0x1p30 * k, MatrixXd::Identity(3, 3), {-root, 0, root}, 32},
+                                     {massless(1).k, massless(1).m, {1}, 17},
+                                     {constraint(0x1p-10).k, constraint(1).m, {}, 21}};
+  for (const Index stride : {5, 23, 25, 29, 39, 47, 51, 53}) expect_found(pencil_of(blocks, 128, stride), 40);
+  MatrixXd tiny(4, 4), m(4, 4);
+  tiny << -4, 1, 2, -3, 1, -2, -2, 4, 2, -2, 6, -1, -3, 4, -1, 6;
+  m << 10, -5, 2, 4, -5, 6, 2, -6, 2, 2, 14, 0, 4, -6, 0, 14;
+  std::vector<double> eigenvalues = dense_eigenvalues(0x1p-10 * tiny, m);
+  for (double& l : eigenvalues) l *= 0x1p-100;
+  expect_found(pencil_of({{0x1p-110 * tiny, m, eigenvalues}, pair(0x1p-100)}, 0x1p100), 3);
+}
+
 }  // namespace
 }  // namespace espalier
