@@ -26,7 +26,7 @@ struct HarmonicOptions {
   std::vector<double> frequencies;
   /// 0: the system is solved at each frequency. Above it (1e-10 to 0.1): at chosen frequencies alone, and a rational
   /// function gives what lies between with about this error, relative to each response's magnitude (but not below a
-  /// hundredth of its median).
+  /// hundredth of its median over the solves, which gather at the peaks).
   double tolerance = 0;
   Index max_solves = 1000;        ///< most frequencies at which the system is solved for a `tolerance`
   bool seek_resonances = true;    ///< for a `tolerance`: find the modes first, and solve next to each that answers

@@ -18,6 +18,7 @@ namespace {
 
 constexpr Eigen::Index kSketch = 6;      // sums of outputs that stand for all in fits
 constexpr double kFloor = 0.01;          // of a median: what errors are relative to at least
+constexpr double kDrift = 10;            // of a median, beyond which it is no unit any more
 constexpr double kUndamped = 3e-9;       // half width over frequency below which a pole counts as undamped
 constexpr double kUndampedReach = 1e-4;  // of the range: as near as one looks at such a pole
 constexpr double kApart = 1e-10;         // of the range: samples are not closer than that
@@ -141,8 +142,12 @@ void Adaptive::fit() {
   }
   const VectorXd nothing = noise();
   floor_ = floors_of(values_, nothing);
-  // The units of the sums stay, so that functions of different rounds can be compared.
-  if (unit_.size() == 0) unit_ = floor_ / kFloor;
+  // The units of the sums stay, so that functions of different rounds can be compared; but where a median has moved far
+  // they are new: samples above the resonances alone know outputs that are tiny there and would hide the others.
+  const VectorXd unit = floor_ / kFloor;
+  const bool other_units = unit_.size() == 0 || unit.cwiseQuotient(unit_).maxCoeff() > kDrift ||
+                           unit_.cwiseQuotient(unit).maxCoeff() > kDrift;
+  if (other_units) unit_ = unit;
   const MatrixXcd scaled = unit_.cwiseInverse().asDiagonal() * values_;
   const MatrixXcd sketch = mixing_.size() > 0 ? MatrixXcd(mixing_ * scaled) : scaled;
   sketch_floor_ = floors_of(
@@ -155,7 +160,7 @@ void Adaptive::fit() {
       const auto place = std::lower_bound(at_.begin(), at_.end(), s);
       support.push_back(static_cast<std::size_t>(place - at_.begin()));
     }
-  before_ = std::move(now_);
+  before_ = other_units ? Rational() : std::move(now_);
   now_ = Rational();
   constexpr double kMargin = 0.01;
   now_.fit(at_, sketch, sizes, kMargin * options_.tolerance, std::move(support));
@@ -297,12 +302,15 @@ void Adaptive::run(const std::vector<Resonance>& expected, std::vector<char>& ex
   note(expected, excited);
   fit();
   before_ = Rational();
+  bool agreed = false;
   while (true) {
     const std::vector<Target> all = doubtful();
     std::vector<double> where;
     for (const Target& t : all)
       if (t.difference > options_.tolerance && where.size() < kAtATime) where.push_back(t.frequency);
     const bool last = where.empty();
+    // The function with the last solves in it is another one, and is looked at, too: it may have a pole of its own.
+    if (last && agreed) return;
     if (last) where = to_check(all);
     const double error = try_out(where);
     result_.checked_error = error;
@@ -310,7 +318,7 @@ void Adaptive::run(const std::vector<Resonance>& expected, std::vector<char>& ex
       options_.solver.log(fmt::format("harmonic: {} solves, {} support points, {} of {} places {}: error {:.1e}",
                                       samples_.size(), now_.support().size(), where.size(), all.size(),
                                       last ? "checked" : "doubtful", error));
-    if (last && error <= options_.tolerance) return fit();
+    agreed = last && error <= options_.tolerance;
     fit();
   }
 }

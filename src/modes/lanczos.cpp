@@ -84,6 +84,12 @@ Index Lanczos::new_directions(Index columns, Index width) {
       by(w, space_.image, width);
       op_.solve(space_.image, w, width);
       clock_.columns += width;
+      // By powers of two, which change no digit: of eigenvalues near 1e-70 the squares of OP are beyond all numbers.
+      const Vector size = space_.blocks.gram(w, width, w, width).diagonal().cwiseSqrt();
+      const Dense scale =
+          size.unaryExpr([](double x) { return x > 0 && std::isfinite(x) ? std::exp2(-std::ilogb(x)) : 1; })
+              .asDiagonal();
+      space_.blocks.combine(w, scale, w);
     }
     if (const Index left = orthonormalize(columns, width, nullptr, nullptr); left > 0) return left;
   }

@@ -43,8 +43,21 @@ Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Work
     const base::Stopwatch watch(result_.seconds.products);
     mass_.apply(shop_.pool, x, y, columns);
   };
-  op_.solve = [this](const double* x, double* y, Index columns) { pencil_.solve(x, y, columns); };
+  op_.solve = [this](const double* x, double* y, Index columns) {
+    pencil_.solve(x, y, columns);
+    clear_massless(y, columns);
+  };
   result_.n = pencil_.n();
+}
+
+// Rows without mass take no part in any product of the search. Where a direction that is rounding is made one of length
+// 1, they would grow each time, and without end.
+void Search::clear_massless(double* x, Index columns) const {
+  if (report_.massless == 0) return;
+  const std::size_t n = mass_diagonal_.size();
+  for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
+    for (std::size_t i = 0; i < n; ++i)
+      if (mass_diagonal_[i] == 0) x[c * n + i] = 0;
 }
 
 void Search::run() {
@@ -176,10 +189,12 @@ LanczosResult Search::search(const Sought& sought) {
   for (Index i = 0, first = harvest_.below(from); i < known; ++i) {
     const double* vector = harvest_[first + i].vector;
     double* const to = space->basis + static_cast<std::int64_t>(n) * i;
-    if (here)
+    if (here) {
       std::copy_n(vector, n, to);
-    else
+      clear_massless(to, 1);
+    } else {
       on_device_->send(to, vector, 1);
+    }
   }
   Lanczos lanczos(here ? op_ : on_device_->op(), *space, known, shop_.pool, clock_);
   LanczosResult found = lanczos.run(o);

@@ -3,6 +3,7 @@
 /// missing.
 #pragma once
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <optional>
@@ -36,6 +37,7 @@ class Search {
   bool choose_below();
   double beyond_found() const;
   double gap_after_wanted() const;
+  bool try_count(double s);
   bool count_before_wanted();
   double distance_from_shifts(double eigenvalue) const;
   Index count_at(double& s, bool movable);
@@ -44,6 +46,7 @@ class Search {
   [[nodiscard]] double rounding_at(double at) const;
   [[nodiscard]] bool accounts_for(const ModeCount& count) const;
   [[nodiscard]] bool contradicted() const;
+  [[nodiscard]] std::optional<ModeCount> missing() const;
   [[nodiscard]] std::optional<ModeCount> proven() const;
   [[nodiscard]] bool proves_wanted(const ModeCount& count) const;
   [[nodiscard]] int most_factorizations() const;
@@ -62,6 +65,7 @@ class Search {
   std::vector<char> purify(Tall& batch, double rounding, std::vector<double>& eigenvalues);
   void take_modes(Tall batch, std::vector<double> eigenvalues, std::vector<double> bounds,
                   const std::vector<char>& good);
+  void clear_massless(double* x, Index columns) const;
   std::optional<Workspace> device_workspace(Index most, Index least);
   [[nodiscard]] Index known_beyond(double from) const;
   [[nodiscard]] bool finished() const;
@@ -90,6 +94,8 @@ class Search {
   double shift_ = 0;    // of the factor that there is
   Index below_shift_ = 0;
   std::vector<ModeCount> counts_;  // rising
+  double blurred_ = NAN;           // shift from which those before the last one wanted could not be counted
+  std::vector<double> singular_;   // where K - s M could not be factorized
   double right_edge_ = 0;          // the next Ritz value beyond what was found; NaN: none was seen
   int attempts_ = 0;               // at this shift
   bool news_ = false;              // the last one of them found modes

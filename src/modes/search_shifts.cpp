@@ -120,6 +120,7 @@ Index Search::count_at(double& s, bool movable) {
       }
       last = impossible(f.negative, s);
     } else {
+      singular_.push_back(s);
       last.message = movable
                          ? fmt::format(
                                "K - s M is singular for every s that was tried: constraints depend on each other, or "
@@ -154,11 +155,20 @@ bool Search::contradicted() const {
   return false;
 }
 
-// The largest number below which all are known to be found.
+// The lowest number below which fewer were found than counted.
+std::optional<ModeCount> Search::missing() const {
+  for (const ModeCount& c : counts_)
+    if (harvest_.below(c.at + rounding_at(c.at)) < c.below) return c;
+  return std::nullopt;
+}
+
+// The largest number below which all are known to be found. A count on many equal ones says little: it goes by what is
+// missing below it.
 std::optional<ModeCount> Search::proven() const {
+  const auto gone = missing();
   std::optional<ModeCount> last;
   for (const ModeCount& c : counts_)
-    if (accounts_for(c)) last = c;
+    if (accounts_for(c) && !(gone && gone->at < c.at)) last = c;
   return last;
 }
 
@@ -175,15 +185,30 @@ bool Search::proves_wanted(const ModeCount& count) const {
   return last - count.at <= 3 * near(last);
 }
 
+// As count_at(), into below_shift_. Where K - s M is singular around s, next to many eigenvalues that are equal to
+// rounding, the factor of the last shift is there again.
+// @return whether they were counted
+bool Search::try_count(double s) {
+  try {
+    below_shift_ = count_at(s, true);
+    return true;
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::singular) throw;
+  }
+  const Status back = pencil_.factorize(shift_).status;
+  if (!back.ok()) throw Error(back);
+  return false;
+}
+
 // The last one wanted may be one of many equal ones, all of which nobody wants: those below it are counted, next to it.
-// @return false: they were
+// @return false: they were, or cannot be
 bool Search::count_before_wanted() {
-  if (harvest_.size() < wanted_ || before_ == harvest_.size()) return false;
+  if (harvest_.size() < wanted_ || before_ == harvest_.size() || blurred_ == shift_) return false;
   before_ = harvest_.size();
   const double last = harvest_[wanted_ - 1].eigenvalue;
-  double s = last - 2 * near(last);
-  below_shift_ = count_at(s, true);
-  return true;
+  if (try_count(last - 2 * near(last))) return true;
+  blurred_ = shift_;
+  return false;
 }
 
 int Search::most_factorizations() const { return 60 + wanted_ / 10; }
@@ -191,12 +216,14 @@ int Search::most_factorizations() const { return 60 + wanted_ / 10; }
 // Sets shift_ and its factor for the next search; false: there is no hope.
 bool Search::choose_next() {
   if (pencil_.factorizations > most_factorizations() || contradicted()) return false;
-  if (!accounts_for({shift_, below_shift_})) {
+  const auto gone = missing();
+  if (!accounts_for({shift_, below_shift_}) || (gone && gone->at < shift_)) {
     if (below_shift_ - harvest_.below(shift_) > block_ && count_before_wanted()) return true;
     if (news_ && attempts_ < kAttempts) return true;  // once more, with other random vectors
     return count_before_wanted() || choose_below();
   }
-  double s = harvest_.size() >= wanted_ ? gap_after_wanted() : beyond_found();
+  const bool all_found = harvest_.size() >= wanted_;
+  double s = all_found ? gap_after_wanted() : beyond_found();
   if (std::isnan(s)) {  // the last one wanted is one of several: they are counted from below, or sought to their end
     if (count_before_wanted()) return true;
     extra_ += block_;
@@ -204,7 +231,8 @@ bool Search::choose_next() {
   }
   const double lower = shift_;
   if (!(s > lower)) return false;
-  below_shift_ = count_at(s, true);
+  if (all_found && !try_count(s)) return choose_next();  // by another gap
+  if (!all_found) below_shift_ = count_at(s, true);
   // Too many between: they are shared.
   while (below_shift_ - harvest_.below(s) > kInOneSlice && pencil_.factorizations < most_factorizations()) {
     const double found_to = harvest_.size() > 0 ? std::max(lower, harvest_[harvest_.size() - 1].eigenvalue) : lower;
@@ -218,10 +246,10 @@ bool Search::choose_next() {
 // Some below the shift are missing, and are not seen from it: one between it and what is proven, by decades where they
 // are many, or below all.
 bool Search::choose_below() {
-  const auto sure = proven();
+  const auto sure = proven(), gone = missing();
   double s = 0;
   if (sure) {
-    const double low = sure->at, high = shift_;
+    const double low = sure->at, high = gone ? gone->at : shift_;
     constexpr double kDecades = 1e3;
     const bool far = low * high > 0 && std::max(low / high, high / low) > kDecades;
     s = far ? std::copysign(std::sqrt(std::abs(low)) * std::sqrt(std::abs(high)), low) : low + (high - low) / 2;
@@ -269,7 +297,7 @@ double Search::beyond_found() const {
   return s;
 }
 
-// Between two modes, behind the last one that is wanted; NaN: no gap is known.
+// Between two modes, behind the last one that is wanted, where K - s M is not singular; NaN: no such gap is known.
 double Search::gap_after_wanted() const {
   const Index found = harvest_.size();
   double best = kNaN, widest = 0;
@@ -281,6 +309,8 @@ double Search::gap_after_wanted() const {
       next = harvest_[i + 1].eigenvalue;
     else if (!std::isnan(right_edge_) && right_edge_ > here)
       next = right_edge_;
+    const auto inside = [&](double at) { return at >= here && at <= next; };
+    if (std::any_of(singular_.begin(), singular_.end(), inside)) continue;
     const double gap = (next - here) / distance;
     if (gap > widest) best = here + 0.3 * (next - here), widest = gap;
     if (gap > 1e-4) break;

@@ -287,6 +287,61 @@ TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
   EXPECT_EQ(static_cast<int>(a.response(o).status.code), static_cast<int>(StatusCode::singular));
 }
 
+// Of rank 3, with damping beta K: four motions are free. The function with the last checks in it has a pole of its own
+// beside the samples at 1e-4 of the range; it was not looked at. Truth: the dense answer, and the estimates.
+TEST(HarmonicEdges, TheLastFunctionIsLookedAt) {
+  constexpr double kTolerance = 1e-7;
+  Case a{Eigen::MatrixXd(7, 7), {}, Eigen::MatrixXd::Identity(7, 7), Eigen::MatrixXcd(7, 1)};
+  a.k << 6, 4, -2, 0, 4, -1, 0,  //
+      4, 6, -4, -4, 4, -3, -2,   //
+      -2, -4, 6, 0, 0, 7, 0,     //
+      0, -4, 0, 8, -4, -2, 4,    //
+      4, 4, 0, -4, 5, 2, -2,     //
+      -1, -3, 7, -2, 2, 9, -1,   //
+      0, -2, 0, 4, -2, -1, 2;
+  a.c = 0.01 * a.k;
+  a.m(3, 3) = 0.5;
+  a.f << 2, -1, 2, 0, 1, 0, -2;
+  HarmonicOptions o = range(0, 5, 3, kTolerance);
+  o.observed = {4};
+  o.seek_resonances = false;
+  const HarmonicResult r = a.response(o);
+  EXPECT_EQ(static_cast<int>(r.status.code), static_cast<int>(StatusCode::singular)) << r.status.message;  // at 0
+  std::size_t between = 0;
+  std::vector<double> sizes;  // of what was solved
+  for (std::size_t i = 0; i < r.points.size(); ++i)
+    if (r.points[i].solved && r.points[i].status.ok()) sizes.push_back(std::abs(r.response(i, 0, 0)));
+  ASSERT_FALSE(sizes.empty());
+  std::nth_element(sizes.begin(), sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2), sizes.end());
+  const double floor = 0.01 * sizes[sizes.size() / 2];
+  for (std::size_t i = 0; i < r.points.size(); ++i) {
+    if (r.points[i].solved) continue;
+    ++between;
+    const double f = r.points[i].frequency;
+    const Complex exact = a.truth()(f)(4, 0);
+    EXPECT_LE(r.points[i].error_estimate, kTolerance) << f;
+    EXPECT_LE(std::abs(r.response(i, 0, 0) - exact), 10 * kTolerance * std::max(std::abs(exact), floor)) << f;
+  }
+  EXPECT_GE(between, 10U);
+}
+
+// Two chains, far above whose resonances most of the first samples lie: there the unknowns far from the loads are tiny.
+// In units of these the sums of a fit are those unknowns alone, and the others were off by more than they are. Truth:
+// the dense answer.
+TEST(HarmonicInterpolation, TinyResponsesDoNotHideTheOthers) {
+  constexpr double kTolerance = 0.05;
+  Case a = chain_case(7, 0);
+  a.k(0, 0) = a.k(6, 6) = 1;
+  a.k(2, 3) = a.k(3, 2) = 0;
+  a.c = 0.01 * a.k;
+  a.m.diagonal() << 0.5, 1, 0.5, 0.5, 0.5, 2, 0.5;
+  a.f = Eigen::MatrixXcd(7, 1);
+  a.f << -1, -2, -2, 2, -1, 0, 0;
+  const HarmonicResult r = a.response(range(0, 5, 2, kTolerance));
+  ASSERT_TRUE(r.status.ok()) << r.status.message;
+  EXPECT_LE(test::worst_error(r, a.truth()), 2 * kTolerance);
+}
+
 // Oscillators without damping beside each other, each in resonance at one of the first samples or of the frequencies
 // asked for: at either end, at both, in the middle, at all. Truth: their closed forms.
 TEST(HarmonicEdges, ResonancesAtSamples) {
