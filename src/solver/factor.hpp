@@ -14,7 +14,7 @@
 #include "solve/residual.hpp"
 #include "solver/analysis.hpp"
 #include "solver/context.hpp"
-#include "solver/deficiency.hpp"
+#include "solver/deficiency/deficiency.hpp"
 #include "solver/numeric.hpp"
 #include "solver/precision_choice.hpp"
 #include "solver/substitution.hpp"

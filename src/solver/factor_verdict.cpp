@@ -107,7 +107,7 @@ bool Factor::zeros_without_search(const device::FactorOutcome& outcome) {
 // they stand as small numbers from now on, with which a factor finds what has been missed.
 bool Factor::proves_zeros(device::FactorOutcome& outcome) {
   constexpr double kInPlaceOfZero = 1e-9;  // what rounding leaves of zeros in large matrices is smaller
-  constexpr std::size_t kFew = 8;  // small pivots are looked at one by one
+  constexpr std::size_t kFew = 8;          // small pivots are looked at one by one
   if (!parts_with_zeros()) return false;
   if (zeros_without_search(outcome)) return true;
   const auto regular = [&] { return with_deficiency_job([](DeficiencyJob& job) { return surely_regular(job); }); };

@@ -34,7 +34,7 @@ bool turns_to_ldlt(Kind kind, bool kind_may_change, const device::FactorOutcome&
 bool is_narrow(Index widest_tile);
 
 /// A pivot below this, relative to the largest scaled entry, carries no digit and is replaced. Whether it stands for a
-/// zero is another question: solver/deficiency.hpp.
+/// zero is another question: solver/deficiency/deficiency.hpp.
 double zero_pivot(Index n, double epsilon);
 
 /// A pivot below this (llt: relative to its diagonal entry, else to the largest scaled entry) makes a matrix

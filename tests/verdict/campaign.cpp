@@ -23,7 +23,7 @@ struct Tally {
   double worst_vector = 0, worst_answer = 0;
 };
 
-// What is allowed is 16 times the bound of a zero (16 eps): see solver/deficiency.cpp.
+// What is allowed is 16 times the bound of a zero (16 eps): see solver/deficiency/deficiency.hpp.
 constexpr double kVectorError = 1e-13;
 
 struct Run {

@@ -14,7 +14,7 @@ namespace {
 
 using Wide = std::complex<long double>;
 
-// What is allowed of |A v| beside |A| |v|: 16 times the bound of a zero (16 eps), see solver/deficiency.cpp.
+// What is allowed of |A v| beside |A| |v|: 16 times the bound of a zero (16 eps), see solver/deficiency/deficiency.hpp.
 constexpr long double kVectorError = 1e-13L, kBackwardError = 1e-14L;
 
 bool is_hermitian(Storage s) { return s >= Storage::hermitian_lower; }

@@ -43,7 +43,7 @@ void invert_blocks(Index n, const T* d, const T* e, T* d_inverse, T* e_inverse, 
   }
 }
 
-/// What stands for a vanishing pivot: E of the factor of B + E, no other entry (solver/deficiency.hpp).
+/// What stands for a vanishing pivot: E of the factor of B + E, no other entry (solver/deficiency/deficiency.hpp).
 template <class T>
 ZeroPivot<RealOf<T>> zero_pivot(const PivotRule& rule) {
   return {static_cast<RealOf<T>>(rule.tiny),

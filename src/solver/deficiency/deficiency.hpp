@@ -16,9 +16,9 @@
 
 #include "base/thread_pool.hpp"
 #include "solve/residual.hpp"
+#include "solver/deficiency/rank_correction.hpp"
 #include "solver/numeric.hpp"
 #include "solver/prepared_matrix.hpp"
-#include "solver/rank_correction.hpp"
 
 namespace espalier::solver {
 

@@ -1,4 +1,4 @@
-#include "solver/small_block.hpp"
+#include "solver/deficiency/small_block.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -12,12 +12,12 @@ namespace {
 constexpr int kMostSweeps = 30;
 constexpr double kOrthogonal = 1e-10;  // cosine: an error of its square in a singular value
 
-constexpr std::int64_t kRange = 1 << 15;  // rows
+constexpr std::int64_t kRowsAtOnce = 1 << 15;  // rows
 
 /// use(begin, end) for ranges of rows.
 template <class Use>
 void for_rows(base::ThreadPool& pool, Index rows, Use&& use) {
-  pool.for_each_range(rows, kRange, [&](std::int64_t begin, std::int64_t end) {
+  pool.for_each_range(rows, kRowsAtOnce, [&](std::int64_t begin, std::int64_t end) {
     use(static_cast<Index>(begin), static_cast<Index>(end));
   });
 }
@@ -130,10 +130,10 @@ void pick(Block& x, const std::vector<Index>& order) {
 }  // namespace
 
 double dot(base::ThreadPool& pool, const double* x, const double* y, Index n) {
-  if (n <= kRange) return dot_of_range(x, y, n);
-  std::vector<double> parts(static_cast<std::size_t>((n + kRange - 1) / kRange));
+  if (n <= kRowsAtOnce) return dot_of_range(x, y, n);
+  std::vector<double> parts(static_cast<std::size_t>((n + kRowsAtOnce - 1) / kRowsAtOnce));
   for_rows(pool, n, [&](Index begin, Index end) {
-    parts[static_cast<std::size_t>(begin / kRange)] = dot_of_range(x + begin, y + begin, end - begin);
+    parts[static_cast<std::size_t>(begin / kRowsAtOnce)] = dot_of_range(x + begin, y + begin, end - begin);
   });
   return std::accumulate(parts.begin(), parts.end(), 0.0);
 }

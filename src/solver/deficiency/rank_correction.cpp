@@ -1,4 +1,4 @@
-#include "solver/rank_correction.hpp"
+#include "solver/deficiency/rank_correction.hpp"
 
 #include "base/at.hpp"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "solve/residual.hpp"
-#include "solver/small_block.hpp"
+#include "solver/deficiency/small_block.hpp"
 
 namespace espalier::solver {
 
