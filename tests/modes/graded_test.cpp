@@ -21,17 +21,17 @@ struct Block {
   Index copies = 1;
 };
 
-struct Pencil {
+struct Graded {
   SparseMatrix k, m;
   std::vector<double> eigenvalues;
 };
 
 /// @param stride  rows i, i + stride, ... follow each other; without a divisor in common with n
-Pencil pencil_of(const std::vector<Block>& blocks, double mass = 1, Index stride = 1) {
+Graded pencil_of(const std::vector<Block>& blocks, double mass = 1, Index stride = 1) {
   Index n = 0;
   for (const Block& b : blocks) n += b.copies * static_cast<Index>(b.k.rows());
   MatrixXd k = MatrixXd::Zero(n, n), m = MatrixXd::Zero(n, n);
-  Pencil out;
+  Graded out;
   Index at = 0;
   for (const Block& b : blocks)
     for (Index copy = 0; copy < b.copies; ++copy, at += static_cast<Index>(b.k.rows())) {
@@ -79,7 +79,7 @@ Block rank_one(const Eigen::VectorXd& x, double stiffness) {
   return {stiffness * x * x.transpose(), MatrixXd::Identity(n, n), eigenvalues};
 }
 
-double worst_error(const ModesResult& r, const Pencil& p) {
+double worst_error(const ModesResult& r, const Graded& p) {
   double worst = 0;
   const double size = std::max(std::abs(p.eigenvalues.front()), std::abs(p.eigenvalues.back()));
   for (std::size_t i = 0; i < r.eigenvalues.size(); ++i)
@@ -87,7 +87,7 @@ double worst_error(const ModesResult& r, const Pencil& p) {
   return worst;
 }
 
-void expect_found(const Pencil& p, Index count) {
+void expect_found(const Graded& p, Index count) {
   const ModesResult r = find_modes(p.k, p.m, lowest(count));
   EXPECT_TRUE(r.status.ok()) << r.status.message;
   ASSERT_EQ(r.count(), count);
@@ -141,7 +141,7 @@ TEST(ModesGraded, WhatIsMissingBelowIsSaid) {
                                      {constraint(0x1p-110).k, constraint(1).m, {}, 21}};
   int right = 0;
   for (const Index stride : {1, 3, 9, 15, 19, 31, 39, 45}) {
-    const Pencil p = pencil_of(blocks, 128, stride);
+    const Graded p = pencil_of(blocks, 128, stride);
     const ModesResult r = find_modes(p.k, p.m, lowest(69));
     if (!r.status.ok()) continue;
     ++right;
