@@ -1,8 +1,11 @@
 // Rank, inertia, rows and null vectors of systems that are known without rounding (tests/verdict/exact.hpp), of
 // structurally singular ones and of ones with very many zeros. Truth: elimination in integers, the construction.
+#include <array>
+#include <complex>
 #include <sstream>
 
 #include "base/at.hpp"
+#include "espalier/complex_solver.hpp"
 #include "solver_common.hpp"
 #include "verdict/exact.hpp"
 
@@ -249,6 +252,38 @@ TEST(ManyZeros, NullVectorsWhereTheyAreAskedFor) {
       EXPECT_LE(largest_image(known.a, f.null_vectors), 1e-12);
       EXPECT_LE(largest_image(known.a, f.left_null_vectors), 1e-12);  // they are symmetric
     }
+}
+
+// Blocks u v^T, neither symmetric nor Hermitian: A v = 0 and A^T w = 0, however many there are.
+TEST(ManyZeros, ComplexNullVectorsOfBothSides) {
+  using Number = std::complex<double>;
+  const std::array<Number, 2> u = {Number(1, 0.5), Number(-2, 1)}, v = {Number(0, 3), Number(1, -1)};
+  for (const Index blocks : {20, 600}) {
+    ComplexSparseMatrix a{2 * blocks, 2 * blocks, {0}, {}, {}, Storage::general};
+    for (Index c = 0; c < a.cols; ++c) {
+      for (Index r = c / 2 * 2; r < c / 2 * 2 + 2; ++r) {
+        a.row_ind.push_back(r);
+        a.values.push_back(u[at(r % 2)] * v[at(c % 2)] * (1.0 + c / 2 % 7));
+      }
+      a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+    }
+    Options o = reporting(Kind::lu);
+    o.singular = SingularMatrix::null_vectors;
+    ComplexSolver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    const ComplexFactorResult f = s.factorize(a);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_EQ(f.rank, blocks);
+    const auto numbers = static_cast<std::size_t>(a.rows) * at(blocks);
+    ASSERT_EQ(f.null_vectors.size(), numbers);
+    ASSERT_EQ(f.left_null_vectors.size(), numbers);
+    double most = 0;
+    for (std::size_t k = 0; k < numbers; k += 2) {
+      most = std::max(most, std::abs(v[0] * f.null_vectors[k] + v[1] * f.null_vectors[k + 1]));
+      most = std::max(most, std::abs(u[0] * f.left_null_vectors[k] + u[1] * f.left_null_vectors[k + 1]));
+    }
+    EXPECT_LE(most, 1e-12);
+  }
 }
 
 // L U meets more vanishing pivots than zeros here, for want of rows that others have taken.

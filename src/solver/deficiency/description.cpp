@@ -50,6 +50,11 @@ std::vector<Index> leading_rows(Columns<Value> v) {
   return rows;
 }
 
+Columns<std::complex<double>> first_complex(const Block& q, Index columns) {
+  const auto* values = base::as_complex(q.values.data());
+  return {q.rows / 2, columns, {values, values + Offset{columns} * (q.rows / 2)}};
+}
+
 // Complex vectors that span what the real ones (twice as many, in the real space) span: the longest rest of them next.
 Columns<std::complex<double>> complex_basis(const Block& q, Index columns) {
   using Value = std::complex<double>;
@@ -99,6 +104,7 @@ std::vector<double> callers_vectors(const ScaledMatrix& b, Columns<Value> q, boo
 
 template <class Value>
 void describe_basis(const ScaledMatrix& b, Columns<Value> null, Columns<Value> left, Deficiency& found) {
+  for (Value& v : left.values) v = base::conjugate(v);  // of A^H: the caller's are those of A^T
   if (found.by_pivots) {
     found.null_vectors = callers_vectors(b, std::move(null), false);
     found.left_vectors = callers_vectors(b, std::move(left), true);
@@ -109,7 +115,6 @@ void describe_basis(const ScaledMatrix& b, Columns<Value> null, Columns<Value> l
     found.rows = leading_rows(std::move(null));
     return;
   }
-  for (Value& v : left.values) v = base::conjugate(v);
   found.left_vectors = callers_vectors(b, left, true);
   found.rows = leading_rows(std::move(left));
   found.columns = leading_rows(std::move(null));
@@ -119,7 +124,12 @@ void describe_basis(const ScaledMatrix& b, Columns<Value> null, Columns<Value> l
 
 void describe(const ScaledMatrix& b, const Block& null, const Block& left, Deficiency& found) {
   if (b.parts() == 1) return describe_basis(b, real_basis(null), real_basis(left), found);
-  describe_basis(b, complex_basis(null, found.zeros), complex_basis(left, left.columns > 0 ? found.zeros : 0), found);
+  // Random vectors are as independent over the complex numbers: so many of them are a basis.
+  const auto basis = [&](const Block& q) {
+    const Index columns = q.columns > 0 ? found.zeros : 0;
+    return found.by_pivots ? first_complex(q, columns) : complex_basis(q, columns);
+  };
+  describe_basis(b, basis(null), basis(left), found);
 }
 
 void describe_all(const Search& search, double work, Block null, Block left, Deficiency& found) {
