@@ -137,7 +137,8 @@ bool Factor::zeros_beside_others(const device::FactorOutcome& outcome) {
   constexpr Index kFew = 256;
   if (analysis_->kind() != Kind::lu || context_.link != nullptr) return false;
   std::optional<Deficiency> found = zeros_among(outcome);
-  if (!found || analysis_->system->unknowns(outcome.replaced.size()) - found->zeros > kFew) return false;
+  if (!found || found->zeros == 0) return false;  // a regular matrix deserves a better factor
+  if (analysis_->system->unknowns(outcome.replaced.size()) - found->zeros > kFew) return false;
   corrections_ = std::move(found->corrections);
   deficiency_ = std::move(found);
   return true;
