@@ -97,7 +97,7 @@ class Reduced {
 
   /// The whole vector to one of the reduced problem.
   [[nodiscard]] VectorXcd expanded(Complex l, const VectorXcd& y) const {
-    const VectorXcd x = right_ * y;
+    VectorXcd x = right_ * y;
     VectorXcd out(static_cast<Eigen::Index>(static_.size() + dynamic_.size()));
     out(dynamic_) = x;
     if (static_.empty()) return x;
