@@ -170,11 +170,15 @@ Deficiency Factor::deficiency(bool replaced, Index suspects, bool surely_alone) 
       return find_deficiency(job);
     });
   };
+  const auto dense = [&] { return with_deficiency_job([](const DeficiencyJob& job) { return zeros_of_dense(job); }); };
+  // A search for many zeros with a factor of which they prove nothing is slow, and may miss or invent some.
+  constexpr Index kFew = 32;
+  const bool many = replaced && suspects > kFew;
+  if (many)
+    if (std::optional<Deficiency> asked = dense()) return std::move(*asked);
   Deficiency found = find(replaced, context_.single(), 0);
-  if (replaced && (found.doubtful || found.zeros < suspects || analysis_->doubles() <= kCheapDense)) {
-    std::optional<Deficiency> dense = with_deficiency_job([](const DeficiencyJob& job) { return zeros_of_dense(job); });
-    if (dense) return std::move(*dense);
-  }
+  if (replaced && !many && (found.doubtful || found.zeros < suspects || analysis_->doubles() <= kCheapDense))
+    if (std::optional<Deficiency> asked = dense()) return std::move(*asked);
   if (!found.doubtful || analysis_->kind() == Kind::llt || pivots_are_given()) return found;
   with_larger_pivots([&] {
     Deficiency again = find(true, true, found.complete ? found.zeros : 0);

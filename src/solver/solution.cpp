@@ -194,6 +194,31 @@ class Solving {
   SolveResult result_;
 };
 
+// A solution that is noise in the null space is as large as that makes it, and so is what a backward error allows it.
+Status lost_in_null_space(Factor& factor, const SolveJob& job) {
+  constexpr double kLost = 1e-2;  // an ill-conditioned regular part leaves less
+  const auto n = static_cast<std::size_t>(factor.analysis()->doubles());
+  if (factor.result().rank < 0 || factor.result().rank == factor.analysis()->n()) return {};
+  const auto largest = [](std::span<const double> v) {
+    double most = 0;
+    for (const double x : v) most = std::max(most, std::abs(x));
+    return most;
+  };
+  std::vector<double> rest(n);
+  for (std::size_t c = 0; c < static_cast<std::size_t>(job.columns); ++c) {
+    const double* b = job.b + c * n;
+    solve::ResidualColumn column{b, job.x + c * n, rest.data(), {}};
+    factor.residual_space()->compute(std::span(&column, 1), job.transpose);
+    if (const double left = largest(rest), given = largest({b, n}); left > kLost * given)
+      return {StatusCode::accuracy_not_reached,
+              fmt::format("the matrix is singular, and the solution is lost in its null space: {:.1e} of the "
+                          "right-hand side of {:.1e} is left; fix or remove the dependent rows",
+                          left, given),
+              -1};
+  }
+  return {};
+}
+
 }  // namespace
 
 SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context) {
@@ -219,6 +244,8 @@ SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context)
   const bool inaccurate = result.status.code == StatusCode::accuracy_not_reached;
   if (inaccurate && factor.goes_to_substitution()) result = once();
   if (std::isnan(result.backward_error)) return result;  // nobody asks
+  if (result.status.ok() && !std::isinf(context.options.required_backward_error))
+    result.status = lost_in_null_space(factor, job);
   if (Status status = factor.second_look(job.b, job.x, job.transpose); !status.ok()) result.status = std::move(status);
   return result;
 }

@@ -6,6 +6,7 @@
 
 #include "base/at.hpp"
 #include "espalier/complex_solver.hpp"
+#include "matrix/generators/random.hpp"
 #include "solver_common.hpp"
 #include "verdict/exact.hpp"
 
@@ -284,6 +285,66 @@ TEST(ManyZeros, ComplexNullVectorsOfBothSides) {
       most = std::max(most, std::abs(u[0] * f.left_null_vectors[k] + u[1] * f.left_null_vectors[k + 1]));
     }
     EXPECT_LE(most, 1e-12);
+  }
+}
+
+// Rows and columns of a regular matrix with units of 2^-20 to 2^20, some of them several times: the factor of B + E is
+// nearly singular itself, so that pivots prove nothing. The rank is that of the regular one, and no solution is called
+// one that leaves its right-hand side.
+TEST(ManyZeros, RepeatedRowsAndColumnsInOtherUnits) {
+  using Number = std::complex<double>;
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    std::uint64_t counter = 0;
+    const auto below = [&](Index m) {
+      return static_cast<Index>(matrix::random_below(seed, counter++, static_cast<std::uint64_t>(m)));
+    };
+    const Index n = 200, m = 110;
+    const auto unit = [&] { return std::ldexp(1.0, below(41) - 20); };
+    std::vector<Number> regular(at(m * m));
+    for (Index k = 0; k < m; ++k) {
+      regular[at(k * m + k)] = 12;
+      for (int more = 0; more < 4; ++more) regular[at(below(m) * m + k)] += Number(below(5) - 2, below(5) - 2);
+    }
+    std::vector<Index> row_of(at(n)), column_of(at(n));
+    std::vector<double> row_unit(at(n)), column_unit(at(n));
+    for (Index k = 0; k < n; ++k) {
+      row_of[at(k)] = k < m ? k : below(m);
+      column_of[at(k)] = k < m ? k : below(m);
+      row_unit[at(k)] = unit();
+      column_unit[at(k)] = unit();
+    }
+    ComplexSparseMatrix a{n, n, {0}, {}, {}, Storage::general};
+    std::vector<Number> inside(at(n));  // A 1
+    for (Index c = 0; c < n; ++c) {
+      for (Index r = 0; r < n; ++r) {
+        const Number v = regular[at(row_of[at(r)] * m + column_of[at(c)])] * row_unit[at(r)] * column_unit[at(c)];
+        if (v == 0.0) continue;
+        a.row_ind.push_back(r);
+        a.values.push_back(v);
+        inside[at(r)] += v;
+      }
+      a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+    }
+    ComplexSolver s(reporting(Kind::lu));
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    const ComplexFactorResult f = s.factorize(a);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_EQ(f.rank, m) << "seed " << seed;
+    for (const bool consistent : {true, false}) {
+      const std::vector<Number> b = consistent ? inside : std::vector<Number>(at(n), 1.0);
+      std::vector<Number> x(at(n)), rest = b;
+      if (!s.solve(b, x).status.ok()) continue;
+      EXPECT_TRUE(consistent) << "seed " << seed << ": no x solves this";
+      double left = 0, given = 0;
+      for (Index c = 0; c < n; ++c)
+        for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
+          rest[at(a.row_ind[at(q)])] -= a.values[at(q)] * x[at(c)];
+      for (std::size_t k = 0; k < rest.size(); ++k) {
+        left = std::max(left, std::abs(rest[k]));
+        given = std::max(given, std::abs(b[k]));
+      }
+      EXPECT_LE(left, 0.02 * given) << "seed " << seed;
+    }
   }
 }
 

@@ -21,7 +21,8 @@ Index whole(Index directions, Index parts) { return (directions + parts - 1) / p
 Directions smallest_directions(const Search& search) {
   const DeficiencyJob& job = search.job();
   const Index n = search.matrix().n(), suspects = search.matrix().parts() * job.suspects;
-  const auto affordable = static_cast<Index>(std::sqrt(static_cast<double>(kMostVectorWork) / n));
+  constexpr double kMostWork = 1 << 24;  // of n * columns^2, for each of many steps
+  const auto affordable = static_cast<Index>(std::sqrt(kMostWork / n));
   const Index most = std::min(n, std::clamp(affordable, kFirstColumns, kMostZerosSought));
   const Index for_all = std::min(most, std::max(kFirstColumns, (suspects + 2 + 7) / 8 * 8));
   // Small pivots may be many where none is a zero.
@@ -111,6 +112,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   if (taken == columns && columns < search.matrix().n()) {
     found.complete = false;
     found.zeros = std::max(found.zeros, job.suspects);
+    found.doubtful = true;  // nobody has counted them
   }
   return found;
 }

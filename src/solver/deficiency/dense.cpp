@@ -132,7 +132,7 @@ bool agrees_with_dense(const Search& search, Index zeros) {
 }
 
 std::optional<Deficiency> zeros_of_dense(const DeficiencyJob& job) {
-  constexpr Index kMost = 512;  // tenths of a second
+  constexpr Index kMost = 1024;  // a second or two
   const Index parts = base::parts_of(job.prepared.numbers);
   if (parts * job.prepared.n() > kMost) return {};
   Search search(job);
