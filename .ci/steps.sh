@@ -244,7 +244,7 @@ slow_copies="Systems/OutOfCoreFromPinnedMemory.TheSameBitsAsThroughTheRing/*:Sys
 slow_copies+=":Systems/OutOfCoreSystems.FactorsThatStay*/0:Systems/OutOfCoreSystems.FactorsThatStay*/1:Systems/OutOfCoreSystems.DelaysDoNot*:HaltedExecutor.*"
 
 # Tests of the solver that sanitizers take more than 40 s for, of code that quicker ones pass through as well.
-slow_answers="Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*:ExactRank.OfSystems*:ManyZeros.*"
+slow_answers="HarmonicEdges.TheLowestFrequencyIsSingular:Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*:ExactRank.OfSystems*:ManyZeros.*"
 
 # Tests whose truth are flops, verdicts and determinants of many matrices, by threads that other tests run as well.
 slow_numbers="BuildTree.*NoMoreWork*:Deficiency.*:Determinant.*"
