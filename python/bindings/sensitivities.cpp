@@ -33,7 +33,8 @@ nb::tuple fields(SensitivityResult r) {
                                        array_of(std::move(r.t), {steps}), array_of(std::move(r.values), {steps, nq}),
                                        array_of(std::move(r.derivatives), {steps, nq, np}),
                                        array_of(std::move(r.modes.frequencies), {modes}),
-                                       array_of(std::move(r.modes.derivatives), {modes, np}), r.defect, r.adjoint));
+                                       array_of(std::move(r.modes.derivatives), {modes, np}), r.defect, r.adjoint,
+                                       std::move(r.summary.notices)));
 }
 
 SensitivityMethod method_named(const std::string& name) {

@@ -1,5 +1,6 @@
 """Derivatives of simulations by parameters of their models."""
 
+import warnings
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Mapping
 
@@ -16,7 +17,8 @@ class Derivatives:
     end alone; values (T, Q);
     derivatives (T, Q, P); frequencies (K,) and frequency_derivatives (K, P): natural frequencies of the model at its
     start, where it has [initial] modes = K; defect: how well the linear equations of the derivatives are solved;
-    adjoint: by the adjoint method, where defect says how exact the tangent is."""
+    adjoint: by the adjoint method, where defect says how exact the tangent is; notices: what the run and the check of the
+    derivatives had to say, for people."""
 
     parameters: "list[str]"
     parameter_values: Any
@@ -28,6 +30,7 @@ class Derivatives:
     frequency_derivatives: Any
     defect: float
     adjoint: bool = False
+    notices: "tuple[str, ...]" = ()
 
     def __getitem__(self, name: str) -> Any:
         """Derivatives of one quantity over time, (T, P)."""
@@ -61,8 +64,9 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
                        until: "float | None" = None, quantities: Iterable[str] = (),
                        **solver: Any) -> "tuple[float, Any]":
     """A number that a whole run comes to, and its gradient by parameters, (P,), by the adjoint method: at the cost of one
-    quantity, however many parameters and times there are. objective(t, values) is called once, after the run, with t
-    (T,), start and ends of steps, and values (T, Q); it returns the number and its derivatives by the values, (T, Q).
+    quantity, however many parameters and times there are. objective(t, values) is called after the run (and, where the model
+    switches, after each run that checks the gradient) with t (T,), start and ends of steps, and values (T, Q); it returns
+    the number and its derivatives by the values, (T, Q).
     Everything else as for derivatives(). Raises what objective raises, and ValueError for derivatives of another shape."""
 
     import numpy as np
@@ -102,4 +106,8 @@ def _run(model: Any, parameters: "Iterable[str] | Mapping[str, float]", set: "Ma
         _checks.options(solver), _checks.choice(method, "method", ("auto", "forward", "adjoint")), objective)
     if status[0]:
         raise make_error(*status)
-    return Derivatives(*found)
+    *fields, notices = found
+    for notice in notices:
+        if notice.startswith("derivatives:"):
+            warnings.warn(notice, stacklevel=3)
+    return Derivatives(*fields, notices=tuple(notices))

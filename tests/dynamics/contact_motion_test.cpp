@@ -243,6 +243,14 @@ TEST(ContactMotion, MistakesNameBodyAndSurface) {
   expect(start + "[contacts.ball]\nsurfaces = [\"*\"]\nstiffness = 1\n", {"'ball' is taken"});
   expect(ball("ball", 0.1, 2, "position = [0, 0, 0.08]") + kFloor + contact,
          {"contacts.c", "'floor'", "'ball'", "overlap by 0.02", "at the start"});
+  // The rail lifts the floor into the ball.
+  expect(
+      ball("ball", 0.1, 2, "position = [0, 0, 0.1]") +
+          "[bodies.belt]\ntype = \"rigid\"\nmass = 5\nbox = [1, 1, 0.1]\nposition = [0, 0, -0.05]\n"
+          "[joints.rail]\ntype = \"prismatic\"\na = { body = \"ground\", axis = [1, 0, 0] }\nb = { body = \"belt\" }\n"
+          "[surfaces.floor]\nbody = \"belt\"\nshape = \"plane\"\npoint = [0, 0, 0.05]\n" +
+          contact,
+      {"contacts.c", "with all joints closed", "overlap by 0.05"});
   expect(start + contact +
              "[surfaces.x]\nbody = \"bal\"\nshape = \"box\"\nsize = [1, 1, 1]\n[contacts.d]\nsurfaces = "
              "[\"*\"]\nstiffness = 1\n",

@@ -10,6 +10,7 @@
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/start_report.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -192,7 +193,8 @@ class SurfaceBuilder {
     if (built.parts.empty())
       throw std::invalid_argument("the contact has no two surfaces on different bodies that could touch");
     for (contact::Contact* part : built.parts) part->set_active(spec.active);
-    check_overlaps(spec, built);
+    for (std::string& line : overlap_lines(spec, built, frames_.initial_configuration()))
+      out_.notices.push_back(std::move(line));
     out_.surface_contacts.push_back(std::move(built));
   }
 
@@ -255,21 +257,6 @@ class SurfaceBuilder {
                                                flexible_surface(*s), spec.penetration, spec.margin)));
   }
 
-  /// What overlaps deeply would fly apart; what rests overlaps a little.
-  void check_overlaps(const ContactSpec& spec, const BuiltContact& built) {
-    constexpr double kAllowed = 0.01;  // of the smaller surface
-    constexpr double kRounding = 1e-9;
-    for (contact::Contact* part : built.parts)
-      for (const contact::Overlap& o : part->overlaps(frames_.initial_configuration())) {
-        const std::string text =
-            fmt::format("the surfaces '{}' and '{}' overlap by {:.3g} at the start", o.a, o.b, o.depth);
-        if (o.depth > spec.overlap.value_or(kAllowed * o.extent))
-          throw std::invalid_argument(
-              text + "; move the bodies apart, or allow it with 'overlap' (their contact pushes them apart then)");
-        if (o.depth > kRounding * o.extent) out_.notices.push_back(fmt::format("contact '{}': {}", spec.name, text));
-      }
-  }
-
   const std::vector<MeshFace> no_faces_;
   const Description& model_;
   const FrameBuilder& frames_;
@@ -281,6 +268,34 @@ class SurfaceBuilder {
 
 void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out) {
   SurfaceBuilder(model, frames, out).run();
+}
+
+std::vector<std::string> overlap_lines(const ContactSpec& spec, const BuiltContact& built, ConstSpan q) {
+  constexpr double kAllowed = 0.01;  // of the smaller surface
+  constexpr double kRounding = 1e-9;
+  std::vector<std::string> lines;
+  for (contact::Contact* part : built.parts)
+    for (const contact::Overlap& o : part->overlaps(q)) {
+      const std::string text =
+          fmt::format("the surfaces '{}' and '{}' overlap by {:.3g} at the start", o.a, o.b, o.depth);
+      if (o.depth > spec.overlap.value_or(kAllowed * o.extent))
+        throw std::invalid_argument(
+            text + "; move the bodies apart, or allow it with 'overlap' (their contact pushes them apart then)");
+      if (o.depth > kRounding * o.extent) lines.push_back(fmt::format("contact '{}': {}", spec.name, text));
+    }
+  return lines;
+}
+
+void check_overlaps(const Description& model, const Mechanism& mechanism, const State& now) {
+  for (const BuiltContact& built : mechanism.surface_contacts)
+    for (const ContactSpec& spec : model.contacts)
+      if (spec.name == built.name) {
+        try {
+          static_cast<void>(overlap_lines(spec, built, now.q));
+        } catch (const std::invalid_argument& error) {
+          fail(spec.place, fmt::format("with all joints closed {}", error.what()));
+        }
+      }
 }
 
 contact::ContactReport BuiltContact::report(const StateView& s) const {

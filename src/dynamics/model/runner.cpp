@@ -153,6 +153,7 @@ void Runner::prepare() {
       const ConsistencyResult result = guard_->prepare(state_, consistency);
       summary_.position_change = result.position_change;
       summary_.velocity_change = result.velocity_change;
+      if (result.position_change > 0 && options_.restart.empty()) check_overlaps(model_, *mechanism_, state_);
     }
   } catch (const Error& error) {
     throw Error(error.status().code, explain_failure(error), error.status().row);

@@ -19,6 +19,13 @@ namespace espalier::dynamics::model {
 /// strain energy that it cost.
 [[nodiscard]] std::vector<std::string> moved_bodies(Mechanism& mechanism, const State& given, const State& now);
 
+/// A line for every two surfaces of a contact that overlap a little in a configuration.
+/// @throws std::invalid_argument where they overlap by more than the contact allows: what does would fly apart
+[[nodiscard]] std::vector<std::string> overlap_lines(const ContactSpec& spec, const BuiltContact& built, ConstSpan q);
+
+/// The same of all contacts, where joints have moved bodies. @throws Error(invalid_input) with the place of the contact
+void check_overlaps(const Description& model, const Mechanism& mechanism, const State& now);
+
 /// Marks of the velocity coordinates that the text gives: of rigid, reduced and point bodies by `velocity` and
 /// `angular_velocity`, each for itself; all of a flexible body where one of them is given. Empty: none.
 [[nodiscard]] std::vector<char> given_velocities(const Mechanism& mechanism);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "dynamics/integrators/linearised.hpp"
-#include "dynamics/model/quantity_slopes.hpp"
+#include "dynamics/model/derivatives/quantity_slopes.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::dynamics::model {

@@ -14,10 +14,11 @@
 #include "dynamics/integrators/sensitivity.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/derivatives/motion_adjoint.hpp"
+#include "dynamics/model/derivatives/run_differences.hpp"
+#include "dynamics/model/derivatives/static_adjoint.hpp"
 #include "dynamics/model/expand.hpp"
-#include "dynamics/model/motion_adjoint.hpp"
 #include "dynamics/model/runner.hpp"
-#include "dynamics/model/static_adjoint.hpp"
 
 namespace espalier {
 
@@ -136,7 +137,7 @@ class SensitivityRun {
                               "sticks or slips) within the step of a parameter; take smaller "
                               "SensitivityParameter::step, or tighter tolerances of the run",
                               result_.defect, kMostDefect));
-    if (!statics_ && !result_.summary.interrupted && switches()) check_by_a_run();
+    check_by_other_runs();
   }
 
  private:
@@ -194,46 +195,80 @@ class SensitivityRun {
     return false;
   }
 
-  /// Derivatives are those of the steps that were taken, and the times of switches move with the parameters. So a run
-  /// with all parameters moved a little must end where the derivatives say; a notice tells where it does not.
-  void check_by_a_run() {
-    constexpr double kAllowed = 0.1;  // of the sum of the changes: curvature over such a way
-    constexpr double kNoise = 100;    // tolerances: how far two adaptive runs may be apart
-    std::vector<std::string> moved;
-    std::vector<double> way;
-    for (std::size_t p = 0; p < given_.size(); ++p) {
-      const double value = result_.parameter_values[p], sign = p % 2 == 0 ? 1 : -1;
-      way.push_back(sign * (value != 0 ? kWay * std::abs(value) : kWay / kRelativeStep * given_[p].step()));
-      moved.push_back(fmt::format("{}={:.17e}", given_[p].path, value + way.back()));
+  /// The derivatives at the end beside whole runs, where the model switches: those of the steps that were taken do not
+  /// know that the times of switches move with the parameters.
+  void check_by_other_runs() {
+    if (statics_ || result_.summary.interrupted || !switches()) return;
+    const std::size_t np = given_.size();
+    const dynamics::BdfOptions fine = of_check(nominal_->integrator()).bdf;
+    const bool adaptive =
+        nominal_->integrator().method == dynamics::model::Method::bdf && !(nominal_->integrator().bdf.fixed_step > 0);
+    dynamics::model::DerivativesToCheck what;
+    what.numbers = result_.quantities;
+    what.parameters = result_.parameters;
+    what.values = result_.parameter_values;
+    for (std::size_t p = 0; p < np; ++p)
+      what.ways.push_back(what.values[p] != 0 ? kWay * std::abs(what.values[p])
+                                              : kWay / kRelativeStep * given_[p].step());
+    what.noise = [fine, adaptive](double x) {
+      constexpr double kNoise = 100;  // tolerances: how far two adaptive runs may be apart
+      return adaptive ? kNoise * (fine.relative * std::abs(x) + fine.absolute) : 1e-12 * std::abs(x);
+    };
+    what.replace = !objective_;  // sums over the times of a run change with them
+    const std::size_t rows = result_.quantities.size() * np;
+    try {
+      const std::string wrong = dynamics::model::check_by_runs(
+          what, [this](const dynamics::model::MovedParameters& moved) { return end_of_run(moved); },
+          std::span<double>(result_.derivatives).last(rows));
+      if (!wrong.empty())
+        result_.summary.notices.push_back(
+            "derivatives: something switches at another time, or another way, where a "
+            "parameter is another: " +
+            wrong);
+    } catch (const Error& error) {
+      if (error.status().code == StatusCode::cancelled) throw;
+      result_.summary.notices.push_back(
+          fmt::format("derivatives: the model switches, and they could not be compared with runs beside this one: {}",
+                      error.status().message));
     }
+  }
+
+  /// As the run, but to its very end and with a hundredth of its tolerances.
+  [[nodiscard]] dynamics::model::IntegratorSpec of_check(dynamics::model::IntegratorSpec spec) const {
+    constexpr double kFiner = 0.01, kFinest = 1e-12;
+    for (double* tolerance : {&spec.bdf.relative, &spec.bdf.absolute, &spec.bdf.absolute_velocity})
+      *tolerance = std::max(kFiner * *tolerance, std::min(kFinest, *tolerance));
+    spec.steps = 0;
+    spec.end = nominal_->time();
+    return spec;
+  }
+
+  /// The quantities, or the objective, at the end of a run with some parameters moved.
+  [[nodiscard]] std::vector<double> end_of_run(const dynamics::model::MovedParameters& moved) const {
+    std::vector<std::string> set;
+    for (const auto& [p, value] : moved) set.push_back(fmt::format("{}={:.17e}", given_[p].path, value));
+    Description model = describe(set);
+    model.integrator = of_check(model.integrator);
+    SimulationOptions options = quiet_options();
+    options.until.reset();
     SimulationSummary summary;
-    Runner other(describe(moved), quiet_options(), summary);
-    other.run({});
-    const dynamics::model::IntegratorSpec& integrator = other.integrator();
-    const bool adaptive = integrator.method == dynamics::model::Method::bdf;
-    std::string text;
-    for (std::size_t q = 0; q < quantities_.size(); ++q) {
-      const std::string& name = quantities_[q].name;
-      const double now = result_.value(name), there = other.chosen()[q].value(Sample{&other.state(), {}});
-      double expected = 0, size = 0;
-      for (std::size_t p = 0; p < given_.size(); ++p) {
-        const double part = way[p] * result_.derivative(name, given_[p].path);
-        expected += part;
-        size += std::abs(part);
-      }
-      const double noise =
-          adaptive
-              ? kNoise * (integrator.bdf.relative * std::max(std::abs(now), std::abs(there)) + integrator.bdf.absolute)
-              : 0;
-      if (std::abs(there - now - expected) <= kAllowed * std::max(size, std::abs(there - now)) + noise) continue;
-      text += fmt::format("{}{} changes by {:.3g}, where the derivatives say {:.3g}", text.empty() ? "" : "; ", name,
-                          there - now, expected);
-    }
-    if (!text.empty())
-      result_.summary.notices.push_back(fmt::format(
-          "derivatives: a run with the parameters moved by {:g} % contradicts them: {}. Something switches at another "
-          "time or another way there; look at differences of whole runs before you trust the derivatives",
-          100 * kWay, text));
+    Runner run(model, options, summary);
+    const std::vector<Quantity> quantities = run.chosen();
+    std::vector<double> t, values;
+    const auto look = [&] {
+      t.push_back(run.time());
+      for (const Quantity& q : quantities) values.push_back(q.value(Sample{&run.state(), {}}));
+    };
+    look();
+    run.run([&](const SimulationStep&) {
+      if (!objective_) t.clear(), values.clear();
+      look();
+      return true;
+    });
+    if (summary.interrupted) throw Error(StatusCode::cancelled, "the derivatives were interrupted");
+    if (!objective_) return values;
+    std::vector<double> slopes(values.size(), 0.0);
+    return {objective_(t, values, slopes)};
   }
 
   [[nodiscard]] SimulationOptions quiet_options() const {
@@ -430,6 +465,7 @@ class SensitivityRun {
       for (std::size_t k = 0; k < targets; ++k)
         result_.derivatives[k * given_.size() + p] = (beside[1][k] - beside[0][k]) / (2 * given_[p].step());
     }
+    check_by_other_runs();
   }
 
   /// J, which becomes the only quantity of the result. @return dJ/dvalues

@@ -1,4 +1,4 @@
-#include "dynamics/model/motion_adjoint.hpp"
+#include "dynamics/model/derivatives/motion_adjoint.hpp"
 
 #include <algorithm>
 #include <deque>

@@ -1,4 +1,4 @@
-#include "dynamics/model/static_adjoint.hpp"
+#include "dynamics/model/derivatives/static_adjoint.hpp"
 
 #include <algorithm>
 #include <cmath>

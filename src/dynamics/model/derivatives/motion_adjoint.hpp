@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "dynamics/integrators/step_adjoint.hpp"
-#include "dynamics/model/quantity_slopes.hpp"
+#include "dynamics/model/derivatives/quantity_slopes.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -1,4 +1,4 @@
-#include "dynamics/model/quantity_slopes.hpp"
+#include "dynamics/model/derivatives/quantity_slopes.hpp"
 
 #include <fmt/format.h>
 
