@@ -2,6 +2,7 @@
 /// What the steps of a motion do to its energy that no force does.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -36,7 +37,8 @@ class EnergyBalance {
 
   [[nodiscard]] double work() const { return work_; }  ///< integral of P
   [[nodiscard]] double gain() const { return gain_; }  ///< of the steps; negative: a loss
-  /// What the sum of trapezoids may be off: what it changes with every other point left out, in parts.
+  /// What the sum of trapezoids may be off: what it changes with every other point left out, in parts; and rounding of
+  /// the energies.
   [[nodiscard]] double uncertainty() const { return uncertainty_; }
   /// Largest kinetic energy, or range of the potential one, or sum of all work, whichever is the largest.
   [[nodiscard]] double scale() const;
@@ -48,6 +50,7 @@ class EnergyBalance {
   struct Rate {
     Energy energy;
     double power = 0;
+    [[nodiscard]] double size() const { return std::abs(energy.kinetic) + std::abs(energy.potential); }
   };
   /// @param h  length of the step that begins in s; of the one that ends there, negative
   [[nodiscard]] Rate rate_of(const State& s, double h);
