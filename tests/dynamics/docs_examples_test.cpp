@@ -43,6 +43,11 @@ void expect_converged(const Simulation& printed, const Simulation& converged, do
     EXPECT_NEAR(printed.value(q), converged.value(q), part * size) << name << ", " << q;
 }
 
+void expect_no_energy_notice(const Simulation& s) {
+  for (const std::string& notice : s.summary().notices)
+    EXPECT_EQ(notice.find("energy that no force"), std::string::npos) << notice;
+}
+
 TEST(DocsExamples, OfForcesRun) {
   const std::string page = content_of(kPage);
   const ScratchFolder folder;
@@ -62,7 +67,8 @@ TEST(DocsExamples, OfForcesRun) {
     status = converged.load(path);
     if (status.ok()) status = converged.run();
     ASSERT_TRUE(status.ok()) << status.message;
-    expect_converged(s, converged, 1e-3, "example " + std::to_string(k + 1));
+    expect_converged(s, converged, 2e-4, "example " + std::to_string(k + 1));
+    expect_no_energy_notice(s);
   }
 }
 
@@ -73,22 +79,53 @@ TEST(DocsExamples, OfContactRun) {
   for (const std::string& text : models) {
     const Simulation printed = simulated(text);
     EXPECT_GT(printed.summary().steps, 10);
-    expect_converged(printed, simulated(text, tightened("1e-10", "1e-12", "1e-12")), 1e-3, text.substr(0, 60));
+    expect_converged(printed, simulated(text, tightened("1e-10", "1e-12", "1e-12")), 2e-4, text.substr(0, 60));
+    expect_no_energy_notice(printed);
   }
 }
 
-// The first example of the guide: a flexible pendulum. Where its bob ends, and its energy, which damping may only
-// lessen.
-TEST(DocsExamples, TheFirstOneIsConverged) {
+std::string first_example() {
   const std::string text =
       blocks(content_of((espalier::test::source_folder() / "docs/guide/simulate.md").string()), "toml").at(0);
-  ASSERT_NE(text.find("flexible pendulum"), std::string::npos);
-  const Simulation printed = simulated(text), converged = simulated(text, tightened("1e-6", "1e-8", "1e-4"));
-  expect_converged(printed, converged, 2e-3, "the first example");
+  EXPECT_NE(text.find("flexible pendulum"), std::string::npos);
+  return text;
+}
+
+// The first example of the guide: a flexible pendulum. Where its bob ends (relative 1e-8, absolute 1e-9, order 2,
+// velocities not tested: 2,549 steps; 1,297 of 3e-8 end within 1e-5), and its energy, which damping may only lessen.
+TEST(DocsExamples, TheFirstOneIsConverged) {
+  const Simulation printed = simulated(first_example());
+  EXPECT_NEAR(printed.value("bob.position.x"), -0.363185, 1e-4);
+  EXPECT_NEAR(printed.value("bob.position.z"), -0.362152, 1e-4);
   const SimulationSummary& s = printed.summary();
-  EXPECT_LT(s.energy_end.kinetic + s.energy_end.potential, s.energy_begin.kinetic + s.energy_begin.potential + 1e-3);
-  for (const std::string& notice : s.notices)
-    EXPECT_EQ(notice.find("energy that no force"), std::string::npos) << notice;
+  EXPECT_LT(s.energy_end.kinetic + s.energy_end.potential, s.energy_begin.kinetic + s.energy_begin.potential + 1e-4);
+  expect_no_energy_notice(printed);
+}
+
+// With the tolerances that were once printed there the bob ends 27 mm off, and energy appears; constant steps that are
+// too long lose it. Both are said.
+TEST(DocsExamples, GainsAndLossesOfEnergyAreSaid) {
+  const auto says = [](const std::string& integrator, double least) {
+    const Simulation s = simulated(replaced(first_example(), "[integrator]\n", "[integrator]\n" + integrator));
+    bool said = false;
+    for (const std::string& notice : s.summary().notices)
+      said = said || notice.find("energy that no force") != std::string::npos;
+    EXPECT_TRUE(said) << integrator;
+    EXPECT_GT(std::abs(s.summary().energy_gain), least) << integrator;
+  };
+  says("max_order = 2\nrelative = 1e-4\nabsolute = 1e-5\nabsolute_velocity = 1e-2\n", 0.01);
+  says("method = \"generalized-alpha\"\nstep = 2e-2\nspectral_radius = 0\n", 0.01);
+  says("step = 1e-2\norder = 2\n", 0.01);
+}
+
+// The model of the tutorial about flexible mechanisms; converged as above (2,284 steps).
+TEST(DocsExamples, TheFlexibleMechanismIsConverged) {
+  const std::string page =
+      content_of((espalier::test::source_folder() / "docs/tutorials/flexible_mechanism.md").string());
+  const Simulation printed = simulated(blocks(page, "toml").at(0));
+  EXPECT_NEAR(printed.value("lower.position.x"), -0.21143978, 1e-4);
+  EXPECT_NEAR(printed.value("lower.position.z"), -0.68919165, 1e-4);
+  expect_no_energy_notice(printed);
 }
 
 }  // namespace

@@ -197,6 +197,47 @@ modes = 8
   expect_same(text, 1e-9);
 }
 
+// No tolerances: the same steps. A crank drives a beam that rings; a ball falls on the floor beside it.
+TEST(Units, MotionWithoutTolerances) {
+  expect_same("gravity = [0, 0, \"-9.81*m/s^2\"]\n" + kHead + R"([bodies.crank]
+type = "rigid"
+mass = "1*kg"
+inertia = ["0.001*kg*m^2", "0.001*kg*m^2", "0.001*kg*m^2"]
+position = ["0.05*m", 0, 0]
+angular_velocity = [0, "20/s", 0]
+[bodies.beam]
+type = "beam"
+start = ["0.1*m", 0, 0]
+end = ["1.1*m", 0, 0]
+elements = 4
+height = "0.02*m"
+width = "0.004*m"
+material = "steel"
+[joints]
+bearing = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0], axis = [0, 1, 0] }
+pin = { type = "revolute", a = { body = "crank", point = ["0.05*m", 0, 0], axis = [0, 1, 0] }, b = { body = "beam", node = 1, axis = [0, 1, 0] } }
+[integrator]
+end = "0.02*s"
+)",
+              1e-8, 1e-6);
+  expect_same("gravity = [0, 0, \"-9.81*m/s^2\"]\n" + kHead + R"([bodies.ball]
+type = "rigid"
+mass = "2*kg"
+inertia = ["0.008*kg*m^2", "0.008*kg*m^2", "0.008*kg*m^2"]
+position = [0, 0, "0.11*m"]
+velocity = ["1*m/s", 0, 0]
+[surfaces]
+ball = { body = "ball", shape = "sphere", radius = "0.1*m" }
+floor = { body = "ground", shape = "plane" }
+[contacts.landing]
+surfaces = ["ball", "floor"]
+stiffness = "1e6*N/m"
+[integrator]
+end = "0.05*s"
+)",
+              1e-8, 1e-6);
+}
+
 // A mechanism whose loop has redundant constraints, with velocities that follow from one that is given.
 TEST(Units, MechanismWithRedundantJoints) {
   const std::string text = "gravity = [0, 0, \"-9.81*m/s^2\"]\n" + kHead + R"([bodies.crank]

@@ -29,6 +29,8 @@ BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
     throw std::invalid_argument("fixed_order must be 0 to 5");
   }
   if (!(options.relative >= 0) || !(options.absolute > 0)) throw std::invalid_argument("tolerances must be positive");
+  if (options.budget.given() && options.budget.lengths.size() != static_cast<std::size_t>(equations.sizes().velocity))
+    throw std::invalid_argument("a budget needs to know of each coordinate what it is");
   if (options_.absolute_velocity <= 0) options_.absolute_velocity = options_.absolute;
   allocate();
 }
@@ -53,6 +55,7 @@ void BdfIntegrator::start(const State& state) {
   steps_at_order_ = 0;
   factor_hp_ = own_error_ = latest_error_ = floor_ = 0;
   reach_ = std::numeric_limits<double>::infinity();
+  measure_constraints();
   // Long enough for a past point; what is too short to go on with is said by step().
   const double found = std::max({first_step(), 1e-14 * std::abs(state.t), 1e-290});
   h_ = options_.fixed_step > 0 ? options_.fixed_step : options_.initial_step > 0 ? options_.initial_step : found;
@@ -89,15 +92,15 @@ double BdfIntegrator::first_step() const {
   // a millisecond stands in for it. The error test repairs a guess that was too large.
   std::vector<double> size(state_.v.size());
   equations_.system().magnitude(state_.q, size);
-  const double acceleration_q = largest_of(equations_.pool(), size.size(), [&](std::size_t i) {
-    return state_.a[i] / (options_.relative * size[i] + options_.absolute);
-  });
-  const double acceleration_v = largest_of(equations_.pool(), size.size(), [&](std::size_t i) {
-    return state_.a[i] / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
-  });
-  double h = std::min(options_.max_step, 1e-3);
-  if (acceleration_q > 0) h = std::min(h, std::sqrt(0.02 / acceleration_q));
-  if (acceleration_v > 0 && options_.test_velocity) h = std::min(h, std::sqrt(0.02 * 1e-3 / acceleration_v));
+  const double acceleration_q = largest_of(
+      equations_.pool(), size.size(), [&](std::size_t i) { return state_.a[i] / tolerance_of_position(i, size[i]); });
+  const double acceleration_v =
+      largest_of(equations_.pool(), size.size(), [&](std::size_t i) { return state_.a[i] / tolerance_of_velocity(i); });
+  const bool budget = options_.budget.given();
+  const double longest = budget ? 1e-3 * options_.budget.duration : 1e-3, part = budget ? 1e-3 : 1;
+  double h = std::min(options_.max_step, longest);
+  if (acceleration_q > 0) h = std::min(h, std::sqrt(0.02 * part / acceleration_q));
+  if (acceleration_v > 0 && options_.test_velocity) h = std::min(h, std::sqrt(0.02 * part * longest / acceleration_v));
   return h;
 }
 

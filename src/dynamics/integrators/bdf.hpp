@@ -24,13 +24,32 @@ enum class BdfIteration {
   full_boolean,  ///< Newton on the 3n + m system, U = independent coordinates (LU of Phi_q with full pivoting)
 };
 
+/// Tolerances that follow from the model: the errors of all steps together stay at a part of its extent. A step of
+/// length h may have the share h / duration of that (errors per unit of time), so that long runs take no more of it.
+struct ErrorBudget {
+  double accuracy = 0;  ///< of places, over the extent of the model; 0: the tolerances of the options hold
+  double extent = 0;    ///< of the model
+  double duration = 0;  ///< of the run
+  /// Of stiff systems, whose vibrations are not to be followed: velocities are tested at a part of this speed of the
+  /// motion. 0: not stiff, velocities are tested as their errors add up to errors of places.
+  double speed = 0;
+  std::vector<char> lengths = {};  ///< velocity coordinates that are lengths; others are angles and slopes
+  [[nodiscard]] bool given() const { return accuracy > 0; }
+  [[nodiscard]] bool stiff() const { return speed > 0; }
+  /// Of a coordinate: what a change by it means to the model.
+  [[nodiscard]] double size(std::size_t i) const { return lengths[i] != 0 ? extent : 1; }
+  bool operator==(const ErrorBudget&) const = default;
+};
+
 struct BdfOptions {
   int max_order = 5;             ///< 1 to 5; 2 is wise for lightly damped flexible modes (BDF 3 to 5 are not A-stable)
   double relative = 1e-6;        ///< relative tolerance of q and v
   double absolute = 1e-8;        ///< absolute tolerance of q
   double absolute_velocity = 0;  ///< absolute tolerance of v; 0: the one of q
   bool test_velocity = true;     ///< v takes part in the error test
-  double initial_step = 0;       ///< 0: from the accelerations
+  ErrorBudget budget = {};       ///< instead of these four
+  bool scaled_constraints = false;  ///< constraint_tolerance is relative to the sizes of the equations; with a budget
+  double initial_step = 0;          ///< 0: from the accelerations
   double max_step = std::numeric_limits<double>::infinity();
   double min_step = 0;  ///< 0: 1e-14 of the time scale
   /// > 0: constant step, no error test. With fixed_order > 2 the first points come from steps of variable length and
@@ -105,7 +124,14 @@ class BdfIntegrator final : public Integrator {
   void renew_factor(long& reason);
   [[nodiscard]] double distance_from_factor();
   void error_weights();
+  [[nodiscard]] double tolerance_of_position(std::size_t i, double size) const;
+  [[nodiscard]] double tolerance_of_velocity(std::size_t i) const;
+  void take_share();
   [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
+  /// Of changes of q and v in dq_ and dv_, in units of the tolerance of the step.
+  [[nodiscard]] double norm_of_change() const;
+  void measure_constraints();
+  [[nodiscard]] double largest_level(ConstSpan level) const;
   /// body(i) for each velocity coordinate, on all threads.
   template <class Body>
   void for_coordinates(const Body& body) const {
@@ -163,6 +189,7 @@ class BdfIntegrator final : public Integrator {
   void rates_of_formula();
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
+  [[nodiscard]] bool levels_of_motion_hold(double velocity, double acceleration);
   [[nodiscard]] bool finish_levels(StepReport& report);
   [[nodiscard]] double error_estimate(int order);
   [[nodiscard]] double unseen_share();
@@ -200,7 +227,9 @@ class BdfIntegrator final : public Integrator {
   Formula formula_;
   int order_ = 1;
   double h_ = 0;
-  double longest_try_ = 0;  // of the present step
+  double share_q_ = 1, share_v_ = 1;  // of the budget that the present step may have
+  std::vector<double> row_sizes_;     // of the constraints; empty: all 1
+  double longest_try_ = 0;            // of the present step
   int steps_at_order_ = 0;
   int projected_left_ = 0;                // steps that begin with the projected iteration
   int first_left_ = 0;                    // steps of first_points()

@@ -96,15 +96,16 @@ void BdfIntegrator::push_there(bool in_place_of_newest) {
 }
 
 void BdfIntegrator::error_weights_there() {
-  there().run(VelocityWeights{options_.relative, options_.absolute_velocity});
+  // Those of a budget stay as they were sent.
+  if (!options_.budget.given()) there().run(VelocityWeights{options_.relative, options_.absolute_velocity});
   for (const Component* c : share().owners) c->magnitude(state_.q, weight_q_);
   size_q_ = size_q_there_;
   for (const Index k : share().own) {
     const auto i = static_cast<std::size_t>(k);
     const double size = weight_q_[i];
     size_q_ = std::max(size_q_, size);
-    weight_q_[i] = 1 / (options_.relative * size + options_.absolute);
-    weight_v_[i] = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
+    weight_q_[i] = 1 / tolerance_of_position(i, size);
+    weight_v_[i] = 1 / tolerance_of_velocity(i);
   }
 }
 

@@ -60,15 +60,65 @@ void BdfIntegrator::predict() {
   see({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 
+// The numbers of a budget were found on the models of bench/dynamics/default_settings.py, so that their errors stay at
+// the accuracy: in a step places may have so many times its share of it. Stiff systems have the numbers of order 2.
+double BdfIntegrator::tolerance_of_position(std::size_t i, double size) const {
+  constexpr double kOfOrderFive = 3;
+  const ErrorBudget& budget = options_.budget;
+  if (!budget.given()) return options_.relative * size + options_.absolute;
+  return (budget.stiff() ? 1 : kOfOrderFive) * budget.accuracy * budget.size(i);
+}
+
+double BdfIntegrator::tolerance_of_velocity(std::size_t i) const {
+  constexpr double kOfSpeed = 3e-3, kOfDuration = 5;
+  const ErrorBudget& budget = options_.budget;
+  if (!budget.given()) return options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity;
+  if (budget.stiff()) return kOfSpeed * budget.speed / budget.extent * budget.size(i);
+  return kOfDuration * budget.accuracy / budget.duration * budget.size(i);
+}
+
+void BdfIntegrator::take_share() {
+  constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kMost = 0.05;
+  const ErrorBudget& budget = options_.budget;
+  if (!budget.given()) return;
+  share_q_ = std::clamp(h_ / budget.duration, budget.stiff() ? kLeastOfStiff : kLeast, kMost);
+  share_v_ = budget.stiff() ? 1 : share_q_;
+}
+
 void BdfIntegrator::error_weights() {
+  take_share();
   if (on_device()) return error_weights_there();
   equations_.system().magnitude(state_.q, weight_q_);
   size_q_ = largest_of(equations_.pool(), weight_q_.size(), [&](std::size_t i) {
     const double size = weight_q_[i];
-    weight_q_[i] = 1 / (options_.relative * size + options_.absolute);
-    weight_v_[i] = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
+    weight_q_[i] = 1 / tolerance_of_position(i, size);
+    weight_v_[i] = 1 / tolerance_of_velocity(i);
     return size;
   });
+}
+
+// The sizes of the constraint equations: what each of them changes by where every coordinate changes by its size.
+void BdfIntegrator::measure_constraints() {
+  if (!options_.scaled_constraints || level_.empty() || !row_sizes_.empty()) return;
+  equations_.evaluate_constraints(state_.t, state_.q, {});
+  const SparsePattern& p = equations_.system().constraint_pattern();
+  row_sizes_.assign(level_.size(), 0);
+  for (std::size_t i = 0; i < row_sizes_.size(); ++i) {
+    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
+      row_sizes_[i] += std::abs(equations_.phi_q()[k]) * options_.budget.size(static_cast<std::size_t>(p.ind[k]));
+    if (!(row_sizes_[i] > 0)) row_sizes_[i] = 1;
+  }
+}
+
+double BdfIntegrator::largest_level(ConstSpan level) const {
+  if (row_sizes_.empty()) return max_norm(level);
+  LargestValue largest;
+  for (std::size_t i = 0; i < level.size(); ++i) largest.see(level[i] / row_sizes_[i]);
+  return largest.value();
+}
+
+double BdfIntegrator::norm_of_change() const {
+  return std::max(norm(dq_, weight_q_) / share_q_, norm(dv_, weight_v_) / share_v_);
 }
 
 double BdfIntegrator::norm(ConstSpan x, ConstSpan weight) const {
@@ -95,11 +145,12 @@ double BdfIntegrator::error_estimate(int order) {
     const MotionRecord record =
         measure({.largest = {},
                  .sums = {{&MotionArrays::dq, &MotionArrays::weight_q}, {&MotionArrays::dv, &MotionArrays::weight_v}}});
-    const double square = options_.test_velocity ? std::max(record.sum[0], record.sum[1]) : record.sum[0];
+    const double of_q = record.sum[0] / (share_q_ * share_q_), of_v = record.sum[1] / (share_v_ * share_v_);
+    const double square = options_.test_velocity ? std::max(of_q, of_v) : of_q;
     return factor * std::sqrt(square / static_cast<double>(dq_.size()));
   }
-  const double error = norm(dq_, weight_q_);
-  return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_)) : error);
+  const double error = norm(dq_, weight_q_) / share_q_;
+  return factor * (options_.test_velocity ? std::max(error, norm(dv_, weight_v_) / share_v_) : error);
 }
 
 void BdfIntegrator::choose_step(double error) {

@@ -156,7 +156,8 @@ BdfIntegrator::Outcome BdfIntegrator::solve_full(StepReport& report) {
         dense::solve_by_complete_pivoting(jacobian, -Eigen::Map<Eigen::VectorXd>(h0.data(), jacobian.rows()));
     move(now, {step.data(), size}, moved);
     std::swap(now, moved);
-    const double change = std::max(norm({step.data() + 2 * n, n}, weight_q_), norm({step.data() + n, n}, weight_v_));
+    const double change = std::max(norm({step.data() + 2 * n, n}, weight_q_) / share_q_,
+                                   norm({step.data() + n, n}, weight_v_) / share_v_);
     if (!std::isfinite(change)) return Outcome::diverged;
     // Converged when the change no longer falls, far below the tolerance.
     if (change < 1e-3 && change >= 0.3 * best) break;

@@ -61,10 +61,10 @@ BdfIntegrator::Outcome BdfIntegrator::solve_projected(StepReport& report) {
       return Outcome::diverged;
     }
     report.newton_iterations = iteration;
-    const double whole = std::max(norm(dq_, weight_q_), norm(dv_, weight_v_));
+    const double whole = norm_of_change();
     if (!std::isfinite(whole)) return Outcome::diverged;
     remove_weak_parts();
-    const double change = std::max(norm(dq_, weight_q_), norm(dv_, weight_v_));
+    const double change = norm_of_change();
     if (previous > 0) report.newton_rate = change / previous;
     const double rate = iteration == 1 ? 0.5 : std::min(report.newton_rate, 0.9);
     const bool small = change * rate / (1 - rate) <= options_.newton_tolerance || change == 0;

@@ -113,15 +113,34 @@ bool BdfIntegrator::constraints_hold(StepReport& report) {
   report.levels.position = max_norm(equations_.phi());
   equations_.level(trial_.v, equations_.nu(), level_);
   report.levels.velocity = max_norm(level_);
+  const double velocity = largest_level(level_);
   equations_.level(trial_.a, equations_.gamma(), level_);
   report.levels.acceleration = max_norm(level_);
   const double tolerance = options_.constraint_tolerance;
-  if (!(report.levels.position <= tolerance)) return false;
+  if (!(largest_level(equations_.phi()) <= tolerance)) return false;
+  if (!row_sizes_.empty()) return levels_of_motion_hold(velocity, largest_level(level_));
   const MotionRecord sizes =
       on_device() ? measure({.largest = {&MotionArrays::v, &MotionArrays::a}, .sums = {}})
                   : MotionRecord{{max_norm(equations_.pool(), trial_.v), max_norm(equations_.pool(), trial_.a)}, {}};
   return report.levels.velocity <= tolerance * std::max(1.0, sizes.largest[0]) &&
          report.levels.acceleration <= tolerance * std::max(1.0, sizes.largest[1]);
+}
+
+// As above, in units of the sizes: per unit of time, and of its square.
+bool BdfIntegrator::levels_of_motion_hold(double velocity, double acceleration) {
+  const ErrorBudget& budget = options_.budget;
+  double v = 1 / budget.duration, a = v * v;
+  if (on_device()) {
+    const MotionRecord sizes = measure({.largest = {&MotionArrays::v, &MotionArrays::a}, .sums = {}});
+    v = std::max(v, sizes.largest[0] / budget.extent);
+    a = std::max(a, sizes.largest[1] / budget.extent);
+  } else {
+    v = std::max(
+        v, largest_of(equations_.pool(), trial_.v.size(), [&](std::size_t i) { return trial_.v[i] / budget.size(i); }));
+    a = std::max(
+        a, largest_of(equations_.pool(), trial_.a.size(), [&](std::size_t i) { return trial_.a[i] / budget.size(i); }));
+  }
+  return velocity <= options_.constraint_tolerance * v && acceleration <= options_.constraint_tolerance * a;
 }
 
 // What is left of the violations once q and v are as good as the error test asks for: projections of q, v and a along
@@ -137,7 +156,7 @@ bool BdfIntegrator::finish_levels(StepReport& report) {
   };
   for (int round = 0; round < kMostRounds; ++round) {
     if (constraints_hold(report)) return true;
-    if (report.levels.position > options_.constraint_tolerance) {
+    if (largest_level(equations_.phi()) > options_.constraint_tolerance) {
       solve_for(equations_.phi());
       move_position(&MotionArrays::normal);
       see({&MotionArrays::q});
@@ -169,12 +188,12 @@ double BdfIntegrator::rounding_of_change() {
   if (on_device()) {
     const MotionRecord record = measure({.largest = {&MotionArrays::v}, .sums = {{&MotionArrays::weight_v}}});
     const double unit = std::numeric_limits<double>::epsilon() * record.largest[0];
-    return std::min(0.5, unit * std::sqrt(record.sum[0] / static_cast<double>(weight_v_.size())));
+    return std::min(0.5, unit / share_v_ * std::sqrt(record.sum[0] / static_cast<double>(weight_v_.size())));
   }
   const double eps = std::numeric_limits<double>::epsilon() * max_norm(equations_.pool(), trial_.v);
   const double sum = sum_of(equations_.pool(), weight_v_.size(),
                             [&](std::size_t i) { return eps * eps * weight_v_[i] * weight_v_[i]; });
-  return std::min(0.5, std::sqrt(sum / static_cast<double>(weight_v_.size())));
+  return std::min(0.5, std::sqrt(sum / static_cast<double>(weight_v_.size())) / share_v_);
 }
 
 // The step is shorter than the tolerance asks for: the run wants more of it than the tolerance says.
@@ -254,7 +273,9 @@ double BdfIntegrator::change_of(const Change& all) {
   const double dv = formula_.hp * all.dv, a = formula_.hp * formula_.hp * all.a;
   tiny_ = std::max(all.dq, dv) <= kRounding * size_q_;
   level_of_a_ = a > 0 ? dv / a : 0;
-  return dq_.empty() ? 0.0 : std::sqrt(std::max(all.square_q, all.square_v) / static_cast<double>(dq_.size()));
+  if (dq_.empty()) return 0;
+  const double of_q = all.square_q / (share_q_ * share_q_), of_v = all.square_v / (share_v_ * share_v_);
+  return std::sqrt(std::max(of_q, of_v) / static_cast<double>(dq_.size()));
 }
 
 BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {

@@ -24,7 +24,7 @@ double BdfIntegrator::unseen_share() {
   double squares = 0;
   for (std::size_t i = 0; i < state_.v.size(); ++i) {
     const double change = trial_.v[i] - state_.v[i];
-    const double weight = 1 / (options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity);
+    const double weight = 1 / (tolerance_of_velocity(i) * share_v_);
     squares += change * change * weight * weight;
   }
   const StepPath path(

@@ -94,6 +94,10 @@ void BdfIntegrator::save(std::vector<double>& out) {
     put(out, history_.v(j));
     put(out, history_.lambda(j));
   }
+  if (const ErrorBudget& budget = options_.budget; budget.given()) {
+    put(out, std::array{budget.accuracy, budget.extent, budget.duration, budget.speed});
+    put(out, row_sizes_);
+  }
   leave_device();
   equations_.forget_analysis();
   falling_masses_.clear();
@@ -123,6 +127,13 @@ void BdfIntegrator::restore(ConstSpan& in) {
       throw Error(StatusCode::invalid_input, "the restart file is damaged");
     for (auto* x : {&past.q, &past.v, &past.lambda}) take(in, *x);
     history_.push(past.t, past.q, past.v, past.lambda, equations_.pool());
+  }
+  if (ErrorBudget& budget = options_.budget; budget.given()) {
+    for (double* x : {&budget.accuracy, &budget.extent, &budget.duration, &budget.speed}) *x = take(in);
+    take(in, row_sizes_);
+    if (!(budget.accuracy > 0 && budget.extent > 0 && budget.duration > 0 && budget.speed >= 0) ||
+        !std::all_of(row_sizes_.begin(), row_sizes_.end(), [](double x) { return x > 0; }))
+      throw Error(StatusCode::invalid_input, "the restart file is damaged");
   }
   order_ = std::max(1, std::min(order_, history_.size() - 1));  // of a run with a higher order
   first_.reset();

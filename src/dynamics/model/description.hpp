@@ -322,6 +322,7 @@ struct IntegratorSpec {
   Method method = Method::bdf;
   double start = 0, end = 0;  ///< end: infinite where the number of steps alone ends the run
   long steps = 0;             ///< accepted steps after which the run ends; 0: any number
+  bool states_tolerances = false, states_constraints = false, states_order = false;  ///< of bdf, in the text
   BdfOptions bdf;
   AlphaOptions alpha;
   bool operator==(const IntegratorSpec&) const = default;

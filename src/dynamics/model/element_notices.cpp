@@ -18,12 +18,6 @@ std::vector<Index> elements_of(const Mesh& mesh, const SolidSpec& solid) {
   return all;
 }
 
-/// Shortest over longest edge of the box around some points.
-double flatness(const Eigen::Matrix3Xd& points) {
-  const Vec3 extent = points.rowwise().maxCoeff() - points.rowwise().minCoeff();
-  return extent.minCoeff() / extent.maxCoeff();
-}
-
 Eigen::Matrix3Xd places(std::span<const Index> nodes, const double* coordinates) {
   Eigen::Matrix3Xd x(3, static_cast<Eigen::Index>(nodes.size()));
   for (std::size_t a = 0; a < nodes.size(); ++a)
@@ -31,53 +25,109 @@ Eigen::Matrix3Xd places(std::span<const Index> nodes, const double* coordinates)
   return x;
 }
 
-/// Least stretch at the centre of a hex8.
-double least_stretch(const Eigen::Matrix3Xd& reference, const Eigen::Matrix3Xd& now) {
+/// Whether walls or bars of the body are slender, and its elements so long beside their thickness that linear ones
+/// lock: of full hex8 a part of about 0.4 (length / thickness)^2 of the stiffness is false. The thickness is twice the
+/// volume over the surface; of bars half of it.
+bool bends_coarsely(const BuiltBody& body, double longest_edge) {
+  constexpr double kSlender = 0.125, kCoarse = 0.5;
+  const auto reference = body.flexible->reference();
+  const Eigen::Map<const Eigen::Matrix3Xd> all(reference.data(), 3, static_cast<Eigen::Index>(reference.size() / 3));
+  double volume = 0, surface = 0;
+  for (const MeshFace face : body.mesh->boundary_faces()) {
+    const std::vector<Index> nodes = body.mesh->face_nodes(face);
+    const Eigen::Matrix3Xd x = places(nodes, reference.data());
+    const Eigen::Index corners = nodes.size() % 4 == 0 ? 4 : 3;
+    for (Eigen::Index k = 1; k + 1 < corners; ++k) {
+      const Vec3 twice = Vec3(x.col(k) - x.col(0)).cross(Vec3(x.col(k + 1) - x.col(0)));
+      volume += x.col(0).dot(twice) / 6;
+      surface += 0.5 * twice.norm();
+    }
+  }
+  const double thickness = 2 * std::abs(volume) / surface;
+  const double extent = (all.rowwise().maxCoeff() - all.rowwise().minCoeff()).norm();
+  return thickness < kSlender * extent && longest_edge > kCoarse * thickness;
+}
+
+double longest_edge(const Eigen::Matrix3Xd& corners) {
+  double longest = 0;
+  for (Eigen::Index a = 0; a < corners.cols(); ++a)
+    longest = std::max(longest, (corners.colwise() - corners.col(a)).colwise().norm().maxCoeff());
+  return longest;
+}
+
+/// A hex20 with edges ten times as long as it is thick, bent by a tenth of its thickness: its membrane is strained by
+/// bending.
+bool is_curved_wall(const Eigen::Matrix3Xd& x) {
+  constexpr double kThin = 0.1, kBent = 0.1;
+  constexpr int kEdges[12][2] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {4, 5}, {5, 6},
+                                 {6, 7}, {7, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
+  constexpr int kDirection[12] = {0, 1, 0, 1, 0, 1, 0, 1, 2, 2, 2, 2};
+  double length[3] = {}, bent = 0;
+  for (int e = 0; e < 12; ++e) {
+    const Vec3 a = x.col(kEdges[e][0]), b = x.col(kEdges[e][1]), middle = x.col(8 + e);
+    length[kDirection[e]] += 0.25 * (b - a).norm();
+    bent = std::max(bent, (middle - 0.5 * (a + b)).norm());
+  }
+  const double thin = std::min({length[0], length[1], length[2]});
+  return thin < kThin * std::max({length[0], length[1], length[2]}) && bent > kBent * thin;
+}
+
+/// How much a hex8 is compressed at its centre.
+struct Compression {
+  double stretch = 1;   ///< the least one
+  double flatness = 1;  ///< extent of the element in that direction over its largest extent
+};
+
+Compression compression_of(const Eigen::Matrix3Xd& reference, const Eigen::Matrix3Xd& now) {
   Eigen::Matrix<double, 8, 3> slopes;  // of the shape functions there, times 8
   slopes << -1, -1, -1, 1, -1, -1, 1, 1, -1, -1, 1, -1, -1, -1, 1, 1, -1, 1, 1, 1, 1, -1, 1, 1;
-  const Mat3 gradient = (now * slopes) * (reference * slopes).inverse();
+  const Mat3 sides = reference * slopes, gradient = (now * slopes) * sides.inverse();
   // The squares of stretches lie within the norm of C - I from 1.
   constexpr double kHardly = 0.1;
   const double strain = (gradient.transpose() * gradient - Mat3::Identity()).norm();
-  return strain < kHardly ? std::sqrt(1 - strain) : Eigen::JacobiSVD<Mat3>(gradient).singularValues()[2];
+  if (strain < kHardly) return {std::sqrt(1 - strain), 1};
+  const Eigen::JacobiSVD<Mat3> svd(gradient, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double along = (svd.matrixV().col(2).transpose() * sides).cwiseAbs().maxCoeff();
+  return {svd.singularValues()[2], along / sides.colwise().norm().maxCoeff()};
 }
 
 }  // namespace
 
 std::optional<std::string> locking_notice(const BuiltBody& body) {
-  constexpr double kSlender = 0.25, kThin = 0.1;
   const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
   if (solid == nullptr || !body.mesh || body.flexible == nullptr) return std::nullopt;
-  const auto reference = body.flexible->reference();
-  const Eigen::Map<const Eigen::Matrix3Xd> all(reference.data(), 3, static_cast<Eigen::Index>(reference.size() / 3));
-  const bool slender = flatness(all) < kSlender;
-  bool tets = false, stiff = false, walls = false;
+  bool tets = false, walls = false;
+  double longest = 0, count = 0;  // edges of linear elements that lock
   for (const Index e : elements_of(*body.mesh, *solid)) {
     const ElementType type = body.mesh->type(e);
-    tets = tets || type == ElementType::tet4;
-    stiff = stiff || (type == ElementType::hex8 && solid->options.hex8 == Hex8Formulation::full);
-    walls = walls || (type == ElementType::hex20 && !solid->options.reduced_hex20 &&
-                      flatness(places(body.mesh->element(e), reference.data())) < kThin);
+    const bool tet = type == ElementType::tet4, hex = type == ElementType::hex8;
+    tets = tets || tet;
+    if (tet || (hex && solid->options.hex8 == Hex8Formulation::full)) {
+      longest += longest_edge(places(body.mesh->element(e), body.flexible->reference().data())) / std::sqrt(3.0);
+      ++count;
+    } else if (type == ElementType::hex20 && !solid->options.reduced_hex20 && !walls) {
+      walls = is_curved_wall(places(body.mesh->element(e), body.flexible->reference().data()));
+    }
   }
-  if (slender && tets)
-    return fmt::format(
-        "'{}' has tet4 elements, which lock: in bending they are far too stiff. Take tet10, or hexahedra",
-        body.spec.name);
-  if (slender && stiff)
-    return fmt::format(
-        "'{}' has hex8 = \"full\", which locks: in bending such elements are far too stiff. hex8 = \"enhanced\" bends "
-        "exactly",
-        body.spec.name);
+  if (count > 0 && bends_coarsely(body, longest / count))
+    return tets ? fmt::format(
+                      "'{}' has tet4 elements, which lock: in bending they are far too stiff. Take tet10, or hexahedra",
+                      body.spec.name)
+                : fmt::format(
+                      "'{}' has hex8 = \"full\", which locks: in bending such elements are far too stiff. hex8 = "
+                      "\"enhanced\" bends exactly",
+                      body.spec.name);
   if (walls)
     return fmt::format(
-        "'{}' has hex20 elements that are thin: with full integration they may be a third too stiff on thin curved "
-        "walls. Take reduced_hex20 = true, or hex8 = \"shell\"",
+        "'{}' has hex20 elements that are thin and curved: with full integration they may be a third too stiff in "
+        "bending. Take reduced_hex20 = true, or hex8 = \"shell\"",
         body.spec.name);
   return std::nullopt;
 }
 
 std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q) {
-  constexpr double kStable = 0.94;
+  // Of cubes and longer ones, of flat ones: bench/dynamics/element_table.py.
+  constexpr double kFlat = 0.4, kStable = 0.7, kStableFlat = 0.94;
   const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
   if (solid == nullptr || !body.mesh || body.flexible == nullptr || body.reduced != nullptr) return std::nullopt;
   const bool shell = solid->options.hex8 == Hex8Formulation::shell;
@@ -87,12 +137,13 @@ std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q
     if (body.mesh->type(e) != ElementType::hex8) continue;
     const auto nodes = body.mesh->element(e);
     const double* now = q.data() + body.flexible->placement().q;
-    least = std::min(least, least_stretch(places(nodes, body.flexible->reference().data()), places(nodes, now)));
+    const Compression c = compression_of(places(nodes, body.flexible->reference().data()), places(nodes, now));
+    if (c.stretch < (c.flatness < kFlat ? kStableFlat : kStable)) least = std::min(least, c.stretch);
   }
-  if (!(least < kStable)) return std::nullopt;
+  if (!(least < 1)) return std::nullopt;
   return fmt::format(
       "elements of '{}' are compressed to {:.2f} of their length: hex8 = \"{}\" may lose its stability there, in the "
-      "shape of hourglasses; \"mean-dilatation\" and \"full\" do not",
+      "shape of hourglasses, sooner the flatter they are; \"mean-dilatation\" and \"full\" do not",
       body.spec.name, least, shell ? "shell" : "enhanced");
 }
 

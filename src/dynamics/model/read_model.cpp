@@ -57,6 +57,10 @@ void read_integrator(Section s, IntegratorSpec& out) {
   if (!(out.end > out.start)) fail(s.place("end"), fmt::format("must be later than the start, {}", out.start));
   out.method = static_cast<Method>(s.choice("method", {"bdf", "generalized-alpha"}, 0));
   if (out.method == Method::bdf) {
+    for (const char* key : {"relative", "absolute", "absolute_velocity", "test_velocity"})
+      out.states_tolerances = out.states_tolerances || s.has(key);
+    out.states_constraints = s.has("constraint_tolerance");
+    out.states_order = s.has("max_order") || s.has("order");
     read_bdf(s, out.bdf);
   } else {
     read_alpha(s, out.alpha);

@@ -10,6 +10,7 @@
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/model/default_tolerances.hpp"
 #include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/restart.hpp"
 #include "dynamics/model/start_report.hpp"
@@ -72,6 +73,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
       interruption_(options_.interrupted, period_of(options_.interrupted_every)),
       summary_(summary) {
   const Stopwatch watch(summary_.phases.total);
+  duration_ = model_.integrator.end - model_.integrator.start;
   if (options_.until) set_end(*options_.until);
   if (model_.statics && !options_.restart.empty())
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
@@ -202,6 +204,8 @@ void Runner::check_velocities(const State& given, const State& consistent) {
 
 void Runner::start_integrator() {
   if (model_.integrator.method == Method::bdf) {
+    if (wants_default_tolerances(model_.integrator))
+      set_default_tolerances(model_.integrator, *equations_, *mechanism_, model_, state_, duration_);
     integrator_ = std::make_unique<BdfIntegrator>(*equations_, model_.integrator.bdf);
   } else {
     AlphaOptions alpha = model_.integrator.alpha;
@@ -335,7 +339,7 @@ void Runner::advance(double end, const SimulationObserver& observer) {
 }
 
 void Runner::step(double limit) {
-  constexpr long kWatchEvery = 100;
+  constexpr long kWatchEvery = 100, kLookEvery = 10;
   double seconds = 0;  // counted in other phases
   {
     Phase phase("step", seconds, trace_.get(), PhaseRow::steps);
@@ -346,6 +350,7 @@ void Runner::step(double limit) {
   if (model_.integrator.method == Method::bdf && model_.integrator.bdf.fixed_step == 0) held_.step(current());
   happen();
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
+  if (last_report_.index % kLookEvery == 0) note_elements();
   const Phase output("output", summary_.phases.output, trace_.get());
   const Sample s = sample(last_report_);
   auto& most = summary_.largest_violation;

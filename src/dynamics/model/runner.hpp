@@ -126,6 +126,7 @@ class Runner {
   std::unique_ptr<EnergyBalance> balance_;  // since the run began to move
   std::set<std::string> compressed_;        // bodies of which that was said
   HeldSteps held_;                          // of adaptive steps
+  double duration_ = 0;                     // as the text has it
   bool stopped_ = false;                    // by an event
   double impact_time_ = 0;                  // of the last impact
   long impacts_there_ = 0;                  // hardly apart in time from each other
