@@ -62,7 +62,10 @@ std::string simulate_summary(const SimulationSummary& s) {
                                     s.events[k].name == s.stopped_by ? " (the end)" : "")});
   if (s.event_count > static_cast<long>(kMostShown))
     table.add({"event", fmt::format("{} in all; the first {} are in the report", s.event_count, s.events.size())});
-  if (s.statics_steps > 0)
+  if (s.method == "linear statics" && s.statics_steps > 0)
+    table.add({"statics", fmt::format("linear, residual {}, backward error {}", small(s.statics_residual),
+                                      small(s.statics_backward_error))});
+  else if (s.statics_steps > 0)
     table.add({"statics", fmt::format("{}, {}, residual {}{}", counted(s.statics_steps, "load step", "load steps"),
                                       counted(s.statics_iterations, "iteration", "iterations"),
                                       small(s.statics_residual), s.statics_relaxed ? ", by relaxation" : "")});
@@ -78,7 +81,7 @@ std::string simulate_summary(const SimulationSummary& s) {
                                    s.peaks[k].amplitude, s.peaks[k].phase, s.peaks[k].frequency, s.peaks[k].load)});
   if (s.peaks.size() > kMostShown)
     table.add({"peak", fmt::format("{} in all; the others are in the report", s.peaks.size())});
-  table.add({s.method == "statics" ? "load" : "time",
+  table.add({s.method.ends_with("statics") ? "load" : "time",
              fmt::format("{:g} to {:g}, {} ({})", s.t_begin, s.t_end, counted(s.steps, "step", "steps"), s.method)});
   table.add({"newton", fmt::format("{} iterations, {} failures, {} steps rejected", grouped(s.newton_iterations),
                                    s.newton_failures, s.error_failures)});
@@ -128,6 +131,7 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   j["statics"] = {{"steps", s.statics_steps},
                   {"iterations", s.statics_iterations},
                   {"residual", number(s.statics_residual)},
+                  {"backward_error", number(s.statics_backward_error)},
                   {"relaxed", s.statics_relaxed},
                   {"critical", critical}};
   Json modes = Json::array();

@@ -179,7 +179,7 @@ struct SimulationSummary {
   bool interrupted = false;  ///< the observer stopped it
   std::string stopped_by;    ///< the event that ended the run; empty: none
   std::string title;
-  std::string method;  ///< "bdf", "generalized-alpha", "statics" or "harmonic"
+  std::string method;  ///< "bdf", "generalized-alpha", "statics", "linear statics" or "harmonic"
 
   // The system
   Index bodies = 0, joints = 0, forces = 0;
@@ -193,10 +193,11 @@ struct SimulationSummary {
   double position_change = 0;  ///< of the given initial configuration to satisfy the constraints
   double velocity_change = 0;
   // Equilibrium, at the start of a motion or as a run of its own; all 0 without
-  long statics_steps = 0;        ///< of the load
-  int statics_iterations = 0;    ///< of Newton
-  double statics_residual = 0;   ///< largest entry of what is out of balance
-  bool statics_relaxed = false;  ///< found by relaxation: nothing held the unloaded system
+  long statics_steps = 0;             ///< of the load
+  int statics_iterations = 0;         ///< of Newton
+  double statics_residual = 0;        ///< largest entry of what is out of balance
+  bool statics_relaxed = false;       ///< found by relaxation: nothing held the unloaded system
+  double statics_backward_error = 0;  ///< of linear statics, by components: 1e-16 is the best
   std::vector<SimulationCritical> critical;
   std::vector<SimulationMode> modes;
   std::vector<SimulationPeak> peaks;  ///< of the frequency response, load after load

@@ -121,6 +121,8 @@ nb::dict fields(const SimulationSummary& s) {
   d["analyses"] = s.analyses;
   d["factorizations"] = s.factorizations;
   d["solves"] = s.solves;
+  d["statics_residual"] = s.statics_residual;
+  d["statics_backward_error"] = s.statics_backward_error;
   d["turned"] = s.turned;
   nb::list events, modes, critical;
   for (const SimulationEvent& e : s.events) events.append(nb::make_tuple(e.name, e.t));

@@ -97,6 +97,10 @@ class Model:
     def force(self, name: str, /, type: str, **keys: Any) -> str:
         return self._add("forces", name, {"type": type, **keys})
 
+    def support(self, name: str, /, body: str, **keys: Any) -> str:
+        """Nodes of a flexible body that are held or led: hold="all", symmetry="x", motion={"z": 1e-3}."""
+        return self._add("supports", name, {"body": body, **keys})
+
     def marker(self, name: str, /, **keys: Any) -> str:
         return self._add("markers", name, keys)
 

@@ -201,6 +201,51 @@ def test_statics():
         esp.Simulation(model).step(1)
 
 
+def test_linear_statics_and_supports():
+    # A strip of shells without a density: F L^3 / (3 E I) and F L / (5/6 G A).
+    model = esp.Model(statics={"linear": True})
+    model.body("strip", "shell", x=[1, 0, 0], y=[0, 0.1, 0], nx=20, ny=1, thickness=0.01,
+               material={"young": 1.2e8, "poisson": 0})
+    model.support("wall", body="strip", edge="x0", hold="all")
+    model.marker("tip", body="strip", edge="x1")
+    model.force("p", "load", a="tip", force=[0, 0, 2])
+    result = model.run(quantities=["tip.position.z", "wall.force.z", "wall.moment.y"])
+    truth = 2 / (3 * 1.2e8 * 0.1 * 1e-6 / 12) + 2 / (5 / 6 * 0.6e8 * 1e-3)
+    assert result["tip.position.z"][-1] == pytest.approx(truth, rel=2e-3)
+    assert result["wall.force.z"][-1] == pytest.approx(-2) and result["wall.moment.y"][-1] == pytest.approx(2)
+    assert result.summary["method"] == "linear statics" and result.summary["statics_backward_error"] < 1e-12
+    large = model.run(quantities=["tip.position.z"], set={"statics.load": 1e6})
+    assert large["tip.position.z"][-1] == pytest.approx(1e6 * result["tip.position.z"][-1], rel=1e-12)
+    assert large.t[-1] == 1e6 and any("displacements as small" in n for n in large.summary["notices"])
+    led = esp.Model(statics={"linear": True}, bodies=model.tree["bodies"])
+    led.support("left", body="strip", edge="x0", hold="xyz", motion={"x": -1e-3})
+    with pytest.raises(esp.Error, match="'strip' can turn about y"):
+        led.run()
+    with pytest.raises(esp.InvalidInputError, match="density"):
+        model.run(set={"gravity": [0, 0, -10]})
+
+
+def test_reactions_of_least_norm():
+    # A table of 2 kg on four legs, gravity 10: 5 N each, in statics and in motion, at every place that tells them.
+    model = esp.Model(gravity=[0, 0, -10], integrator={"end": 0.01})
+    model.body("top", mass=2, inertia=[1, 1, 1])
+    legs = [f"leg{k}.force.z" for k in range(4)]
+    for k, (x, y) in enumerate([(0.6, 0.4), (-0.6, 0.4), (-0.6, -0.4), (0.6, -0.4)]):
+        model.joint(f"leg{k}", "prescribed", a={"body": "ground", "point": [x, y, 0]}, b={"body": "top", "point": [x, y, 0]},
+                    motion="0", direction="z")
+    model.joint("rail", "prismatic", bodies=["ground", "top"], at=[0, 0, 0], axis=[0, 0, 1])
+    trees = [model.tree, {**model.tree, "statics": {}}, {**model.tree, "statics": {"linear": True}}]
+    for tree in trees:
+        tree = {k: v for k, v in tree.items() if k != "integrator" or "statics" not in tree}
+        simulation = esp.Simulation(esp.Model(tree), quantities=legs)
+        result = simulation.run()
+        for leg in legs:
+            assert result[leg][-1] == pytest.approx(5, abs=1e-6)
+            assert result.summary["values"][leg] == pytest.approx(5, abs=1e-6)
+            assert simulation.value(leg) == pytest.approx(5, abs=1e-6)
+        assert any("least norm" in line for line in result.summary["redundant"])
+
+
 def test_sweep():
     points = esp.sweep(pendulum(), {"bodies.bob.mass": [1, 2], "integrator.end": [0.1, 0.2]}, workers=2,
                        quantities=["hinge.force.y"])

@@ -279,24 +279,36 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
 void RedundancyGuard::share_reactions(State& state) {
   constexpr std::size_t kMostLeftOut = 200, kMostRows = 3000;
   constexpr double kDependent = 1e-6;  // looser than for the decision: joints do not hold exactly
-  if (redundant_.empty() || redundant_.size() > kMostLeftOut || state.lambda.size() > kMostRows) return;
+  if (redundant_.empty() || redundant_.size() > kMostLeftOut) return;
   std::vector<double> sizes;
   const std::vector<double> values = scaled_rows(state.t, state.q, sizes);
   std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(), values, kDependent);
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row) || equations_.dropped()[at(d.row)] == 0; });
   if (rows.empty()) return;
-  const auto m = static_cast<Eigen::Index>(state.lambda.size()), count = static_cast<Eigen::Index>(rows.size());
+  std::vector<Index> shared;  // rows that some left out one depends on, and those themselves
+  for (const DependentRow& d : rows) {
+    shared.push_back(d.row);
+    shared.insert(shared.end(), d.partners.begin(), d.partners.end());
+  }
+  std::sort(shared.begin(), shared.end());
+  shared.erase(std::unique(shared.begin(), shared.end()), shared.end());
+  if (shared.size() > kMostRows) return;
+  const auto place = [&](Index row) { return std::lower_bound(shared.begin(), shared.end(), row) - shared.begin(); };
+  const auto m = static_cast<Eigen::Index>(shared.size()), count = static_cast<Eigen::Index>(rows.size());
   Eigen::MatrixXd null = Eigen::MatrixXd::Zero(m, count);
   for (Eigen::Index j = 0; j < count; ++j) {
     const DependentRow& d = rows[static_cast<std::size_t>(j)];
-    null(d.row, j) = 1;
-    for (std::size_t k = 0; k < d.partners.size(); ++k) null(d.partners[k], j) = -d.weights[k];
+    null(place(d.row), j) = 1;
+    for (std::size_t k = 0; k < d.partners.size(); ++k) null(place(d.partners[k]), j) = -d.weights[k];
   }
-  for (double& size : sizes) size = size > 0 ? size : 1;
-  const Eigen::Map<const Eigen::VectorXd> s(sizes.data(), m);
-  Eigen::Map<Eigen::VectorXd> lambda(state.lambda.data(), m);
-  const Eigen::VectorXd mu = s.cwiseProduct(lambda);
-  lambda += (null * null.colPivHouseholderQr().solve(-mu)).cwiseQuotient(s);
+  Eigen::VectorXd s(m), mu(m);
+  for (Eigen::Index i = 0; i < m; ++i) {
+    const auto row = at(shared[static_cast<std::size_t>(i)]);
+    s[i] = sizes[row] > 0 ? sizes[row] : 1;
+    mu[i] = s[i] * state.lambda[row];
+  }
+  const Eigen::VectorXd change = (null * null.colPivHouseholderQr().solve(-mu)).cwiseQuotient(s);
+  for (Eigen::Index i = 0; i < m; ++i) state.lambda[at(shared[static_cast<std::size_t>(i)])] += change[i];
 }
 
 std::vector<std::string> RedundancyGuard::notices() const {

@@ -1,5 +1,6 @@
 #include "dynamics/forces/pressed_faces.hpp"
 
+#include <algorithm>
 #include <map>
 #include <stdexcept>
 
@@ -82,6 +83,79 @@ class NodalFaces final : public PressedFaces {
   static void gather(const Face& face, ConstSpan q, double* x) {
     for (std::size_t i = 0; i < face.places.size(); ++i) x[i] = q[at(face.places[i])];
   }
+  std::vector<Face> faces_;
+};
+
+/// The side x = r + offset d of a shell: force f on x is f on r and offset f on the director d.
+class ShellSide final : public PressedFaces {
+ public:
+  ShellSide(const FlexibleBody& body, std::span<const std::array<Index, 4>> quads, double offset) : offset_(offset) {
+    std::map<Index, std::size_t> known;
+    for (const std::array<Index, 4>& quad : quads) {
+      Face next;
+      for (std::size_t k = 0; k < 4; ++k) {
+        const Index node = quad[offset < 0 ? 3 - k : k];  // anticlockwise from outside
+        for (Index i = 0; i < 6; ++i) {                   // r, then d
+          const Index row = body.coordinate(2 * node) + i;
+          const auto [it, fresh] = known.emplace(row, rows_.size());
+          if (fresh) rows_.push_back(row);
+          next.rows.push_back(row);
+          next.places.push_back(body.configuration(2 * node) + i);
+          next.own.push_back(it->second);
+        }
+      }
+      faces_.push_back(std::move(next));
+    }
+  }
+
+  void declare(PatternBuilder& w) const override {
+    for (const Face& face : faces_) w.add_block(face.rows, face.rows);
+  }
+  void bind(const SparsePattern& w) override {
+    for (Face& face : faces_) {
+      face.entries.clear();
+      for (const Index c : face.rows)
+        for (const Index r : face.rows) face.entries.push_back(find_entry(w, c, r));
+    }
+  }
+  [[nodiscard]] std::vector<double> slope(ConstSpan q) const override {
+    std::vector<double> result(rows_.size(), 0.0);
+    for (const Face& face : faces_) {
+      double x[kOfSide], force[kOfSide] = {};
+      gather(face, q, x);
+      add_pressure_force(ElementType::quad4, -1, x, force);
+      for (std::size_t i = 0; i < face.own.size(); ++i) result[face.own[i]] += factor(i) * force[of_side(i)];
+    }
+    return result;
+  }
+  void add_tangent(ConstSpan q, double scale, Span w_values) const override {
+    for (const Face& face : faces_) {
+      double x[kOfSide], k[kOfSide * kOfSide] = {};
+      gather(face, q, x);
+      add_pressure_tangent(ElementType::quad4, 1, -scale, x, k);
+      std::size_t e = 0;
+      for (std::size_t c = 0; c < face.rows.size(); ++c)
+        for (std::size_t r = 0; r < face.rows.size(); ++r)
+          w_values[at(face.entries[e++])] += factor(c) * factor(r) * k[kOfSide * of_side(c) + of_side(r)];
+    }
+  }
+
+ private:
+  static constexpr std::size_t kOfSide = 12;
+  struct Face {
+    std::vector<Index> rows;       ///< velocity coordinates, six for every node
+    std::vector<Index> places;     ///< of the same numbers in the configuration
+    std::vector<std::size_t> own;  ///< of the same in rows()
+    std::vector<Offset> entries;   ///< of W, column by column
+  };
+  /// Of number i of a face: what x takes of it, and which number of x that is.
+  [[nodiscard]] double factor(std::size_t i) const { return i % 6 < 3 ? 1 : offset_; }
+  static std::size_t of_side(std::size_t i) { return 3 * (i / 6) + i % 3; }
+  void gather(const Face& face, ConstSpan q, double* x) const {
+    std::fill(x, x + kOfSide, 0.0);
+    for (std::size_t i = 0; i < face.places.size(); ++i) x[of_side(i)] += factor(i) * q[at(face.places[i])];
+  }
+  double offset_;
   std::vector<Face> faces_;
 };
 
@@ -197,6 +271,11 @@ class ReducedFaces final : public PressedFaces {
 std::unique_ptr<PressedFaces> press_nodal(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces) {
   check_solid(body);
   return std::make_unique<NodalFaces>(body, mesh, faces);
+}
+
+std::unique_ptr<PressedFaces> press_shell(const FlexibleBody& body, std::span<const std::array<Index, 4>> quads,
+                                          double offset) {
+  return std::make_unique<ShellSide>(body, quads, offset);
 }
 
 std::unique_ptr<PressedFaces> press_reduced(const ReducedBody& body, const Mesh& mesh,

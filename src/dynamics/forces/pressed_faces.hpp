@@ -2,6 +2,7 @@
 /// Faces of solids under a pressure of one: forces and their change, in the coordinates of the body.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <span>
 #include <vector>
@@ -32,6 +33,10 @@ class PressedFaces {
 /// @throws std::invalid_argument unless the body is a solid; std::logic_error if the faces belong to another mesh
 [[nodiscard]] std::unique_ptr<PressedFaces> press_nodal(const FlexibleBody& body, const Mesh& mesh,
                                                         std::span<const MeshFace> faces);
+/// A side of a shell, at an offset from the middle along its directors: on top > 0, below < 0.
+/// @param quads nodes, anticlockwise seen from the top
+[[nodiscard]] std::unique_ptr<PressedFaces> press_shell(const FlexibleBody& body,
+                                                        std::span<const std::array<Index, 4>> quads, double offset);
 /// The same of a reduced body.
 [[nodiscard]] std::unique_ptr<PressedFaces> press_reduced(const ReducedBody& body, const Mesh& mesh,
                                                           std::span<const MeshFace> faces);

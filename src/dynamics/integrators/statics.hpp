@@ -22,7 +22,8 @@ enum class StaticPath {
   automatic,   ///< load steps; arc length where they fail; relaxation where nothing holds the unloaded system, or where
                ///< the path breaks off without a limit point or bifurcation (contacts that let go)
   load_steps,  ///< the load factor only grows: a limit point is an error
-  relaxation   ///< no path: the whole load at once, damped like a motion (pseudo-transient continuation)
+  relaxation,  ///< no path: the whole load at once, damped like a motion (pseudo-transient continuation)
+  linear       ///< none either: small displacements, see linear_statics.hpp
 };
 
 struct StaticsOptions {

@@ -27,6 +27,8 @@ class Builder {
     check_places();
     for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
     for (const JointSpec& joint : model_.joints) at_place(joint.place, [&] { add_joint(joint); });
+    for (const SupportSpec& support : model_.supports)
+      at_place(support.place, [&] { build_support(support, frames_, out_); });
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
     for (std::size_t k = 0; k < joints_.size(); ++k)
       at_place(joints_[k].place, [&] { build_contacts(joints_[k], frames_, *out_.joints[k], out_); });
@@ -179,7 +181,18 @@ class Builder {
   void add_pressure(const ForceSpec& f) {
     for (BuiltBody& body : out_.bodies) {
       if (body.spec.name != f.body) continue;
-      if (!body.mesh) throw std::invalid_argument("pressure acts on solid bodies only");
+      if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) {
+        if (f.face != "top" && f.face != "bottom")
+          throw std::invalid_argument(
+              "the faces of a shell are 'top', where its normal (x cross y) points to, and 'bottom'");
+        if (body.reduced != nullptr)
+          throw std::invalid_argument(
+              fmt::format("'{}' is reduced: pressure on a shell needs all its nodes; take out 'reduce'", f.body));
+        auto side = press_shell(*body.flexible, shell_quads(*shell), (f.face == "top" ? 0.5 : -0.5) * shell->thickness);
+        out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(side))));
+        return;
+      }
+      if (!body.mesh) throw std::invalid_argument("pressure acts on faces of solids, and on shells");
       const std::vector<MeshFace>& faces = body.mesh->face_set(f.face);
       auto pressed = body.reduced != nullptr ? press_reduced(*body.reduced, *body.mesh, faces)
                                              : press_nodal(*body.flexible, *body.mesh, faces);
@@ -277,6 +290,21 @@ const BuiltForce* Mechanism::force(const std::string& name) const {
   for (const BuiltForce& f : forces)
     if (f.force->name() == name) return &f;
   return nullptr;
+}
+
+const Support* Mechanism::support(const std::string& name) const {
+  for (const Support* s : supports)
+    if (s->name() == name) return s;
+  return nullptr;
+}
+
+void Mechanism::load_functions_of_state(double factor) {
+  const auto depends = [](const StateFunctionPtr& f) { return !f->coordinates().empty() || !f->multipliers().empty(); };
+  for (const BuiltForce& f : forces)
+    if (const auto& inputs = f.force->inputs().functions(); std::any_of(inputs.begin(), inputs.end(), depends))
+      f.force->set_load_factor(factor);
+  for (FacePressure* p : pressures)
+    if (depends(p->function())) p->set_load_factor(factor);
 }
 
 std::string Mechanism::inverted_elements() const {

@@ -50,18 +50,20 @@ Mesh load_mesh(const MeshFile& file) {
 }
 
 /// What the mesh file states for the elements used, where that is one material.
-Material material_of(const Mesh& mesh, const SolidSpec& solid) {
+/// @param linear  without a density, too
+Material material_of(const Mesh& mesh, const SolidSpec& solid, bool linear, bool& massless) {
   if (solid.material) return *solid.material;
   std::string name;
   if (const auto it = mesh.section_material.find(solid.element_set); it != mesh.section_material.end())
     name = it->second;
   if (name.empty() && mesh.section_material.size() == 1) name = mesh.section_material.begin()->second;
   for (const MeshMaterial& m : mesh.materials)
-    if (m.name == name && m.young > 0 && m.density > 0) {
+    if (m.name == name && m.young > 0 && (m.density > 0 || linear)) {
       Material result;
       result.young = m.young;
       result.poisson = m.poisson;
-      result.density = m.density;
+      massless = !(m.density > 0);
+      result.density = massless ? 1 : m.density;
       return result;
     }
   throw Error(StatusCode::invalid_input,
@@ -112,12 +114,12 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
-std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, base::ThreadPool& pool,
-                                         BuiltBody& out) {
+std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool linear,
+                                         base::ThreadPool& pool, BuiltBody& out) {
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh =
       std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
-  out.material = material_of(*mesh, solid);
+  out.material = material_of(*mesh, solid, linear, out.spec.massless);
   std::vector<Index> elements;
   elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
@@ -148,18 +150,24 @@ namespace {
 
 std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& s) {
   std::vector<Point> positions, directors;
-  const Vec3 director = s.x.cross(s.y).normalized();
+  const Vec3 normal = s.x.cross(s.y).normalized(), along = s.x.normalized();
   for (Index j = 0; j <= s.ny; ++j)
     for (Index i = 0; i <= s.nx; ++i) {
-      positions.push_back(
-          to_point(s.origin + s.x * (static_cast<double>(i) / s.nx) + s.y * (static_cast<double>(j) / s.ny)));
+      const double way = s.x.norm() * i / s.nx, turn = s.curvature * way, half = 0.5 * turn;
+      Vec3 from_edge = s.x * (static_cast<double>(i) / s.nx), director = normal;
+      if (turn != 0) {  // a chord of 2 sin(half) / curvature
+        from_edge = way * std::sin(half) / half * (std::cos(half) * along + std::sin(half) * normal);
+        director = std::cos(turn) * normal - std::sin(turn) * along;
+      }
+      positions.push_back(to_point(s.origin + from_edge + s.y * (static_cast<double>(j) / s.ny)));
       directors.push_back(to_point(director));
     }
   return make_shell_body(spec.name, positions, directors, shell_quads(s), s.material, s.thickness);
 }
 
-std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, base::ThreadPool& pool, BuiltBody& out) {
-  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, pool, out);
+std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool linear, base::ThreadPool& pool,
+                                                 BuiltBody& out) {
+  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, linear, pool, out);
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
@@ -189,7 +197,9 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
     at_place(spec.place, [&] { build_substructure(model, out, built); });
     return built;
   }
-  auto body = make_flexible_body(spec, out.pool, built);
+  auto body = make_flexible_body(spec, model.linear(), out.pool, built);
+  if (built.spec.massless && !(gravity.isZero(0) && model.initial.modes == 0 && !model.harmonic))
+    fail(spec.place, "needs a density, which its mesh file does not state: give it a material");
   if (spec.reduction) {
     reduce_body(std::move(body), model, frames, out, built);
     return built;

@@ -21,6 +21,20 @@ Vec3 reference_node(const FlexibleBody& body, Index node) {
   return {x[0], x[1], x[2]};
 }
 
+/// In how many ways a marker says where on a flexible body it is.
+int ways_of(const MarkerSpec& m) {
+  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.nodes.empty() ? 0 : 1) +
+         (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
+}
+
+void check_ways(const MarkerSpec& m) {
+  if (ways_of(m) != 1)
+    throw std::invalid_argument(
+        fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = "
+                    "\"SET\", edge = [\"FACE\", \"FACE\"], bore = {{ point, axis, radius }}",
+                    m.body));
+}
+
 /// About `most` entries of a list, evenly spread. Steps by the golden ratio: a constant step would fall into step with
 /// the rows of a structured mesh (60 of 20 x 20 faces then lay in three columns).
 template <class T>
@@ -156,11 +170,11 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
       else
         frame = std::move(nodal);
     } else if (body->point != nullptr) {
-      if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore || (m.point_given && !m.global))
+      if (ways_of(m) > 0 || (m.point_given && !m.global))
         throw std::invalid_argument(fmt::format("'{}' is a point mass: the body alone says where", m.body));
       frame = std::make_unique<PointFrame>(*body->point);
     } else {
-      if (m.node || m.near || !m.face.empty() || !m.nodes.empty() || m.bore)
+      if (ways_of(m) > 0)
         throw std::invalid_argument(fmt::format("'{}' is a rigid body: give a 'point', not a node or a face", m.body));
       frame = m.global ? frame_at(*body->rigid, m.point, m.axes)
                        : std::make_unique<RigidFrame>(*body->rigid, m.point, m.axes);
@@ -206,18 +220,13 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
 }
 
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, const BuiltBody& body) const {
-  const int ways = (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) +
-                   (m.nodes.empty() ? 0 : 1) + (m.bore ? 1 : 0);
-  if (ways != 1)
-    throw std::invalid_argument(
-        fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = "
-                    "\"SET\", bore = {{ point, axis, radius }}",
-                    m.body));
+  check_ways(m);
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
   if (!m.face.empty() || m.bore) return make_face(m, body, axes);
   const FlexibleBody& flexible = *body.flexible;
+  if (!m.edge.empty() || (!m.nodes.empty() && (m.attach == Attach::mean || !body.mesh)))
+    return make_mean(m, body, axes);
   if (!m.nodes.empty()) {
-    if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no node sets", m.body));
     const std::vector<Index>& set = body.mesh->node_set(m.nodes);
     std::vector<FrameVertex> vertices;
     for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
@@ -230,7 +239,8 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
 }
 
 std::vector<MeshFace> FrameBuilder::faces_of(const MarkerSpec& m, const BuiltBody& body) const {
-  if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node", m.body));
+  if (!body.mesh)
+    throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node, or an edge of a shell", m.body));
   std::vector<MeshFace> faces = m.bore ? faces_of_bore(body, *m.bore) : body.mesh->face_set(m.face);
   if (m.radius > 0) {
     if (!m.near) throw std::invalid_argument("'radius' needs 'near', the centre");
@@ -256,56 +266,190 @@ std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
 
 }  // namespace
 
-std::vector<Index> FrameBuilder::held_nodes(const MarkerSpec& m, const BuiltBody& body) const {
-  if (m.face.empty() && !m.bore && m.nodes.empty())
-    throw std::invalid_argument(
-        "attach = \"rigid\" needs a face, a bore or a node set, whose nodes are to be one rigid piece");
-  if (!body.mesh) throw std::invalid_argument(fmt::format("'{}' has no sets of nodes or faces", m.body));
-  std::vector<Index> nodes =
-      m.nodes.empty() ? body.mesh->nodes_of_faces(faces_of(m, body)) : body.mesh->node_set(m.nodes);
-  std::sort(nodes.begin(), nodes.end());
-  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
-  if (nodes.size() < 3) throw std::invalid_argument("a rigid piece needs three nodes that are not on a line");
+namespace {
+
+/// Nodes of an edge of a shell's grid, x fastest; "all" of it.
+std::vector<Index> grid_nodes(const ShellSpec& s, const std::string& name) {
+  static const std::vector<std::string> kNames = {"x0", "x1", "y0", "y1", "all"};
+  const auto which = std::find(kNames.begin(), kNames.end(), name) - kNames.begin();
+  if (which == 5) throw std::invalid_argument(fmt::format("a shell has no '{}'{}", name, suggestion(name, kNames)));
+  std::vector<Index> nodes;
+  for (Index j = 0; j <= s.ny; ++j)
+    for (Index i = 0; i <= s.nx; ++i)
+      if (which == 4 || (which == 0 && i == 0) || (which == 1 && i == s.nx) || (which == 2 && j == 0) ||
+          (which == 3 && j == s.ny))
+        nodes.push_back(j * (s.nx + 1) + i);
   return nodes;
 }
 
-std::array<Index, 3> FrameBuilder::base_nodes(const MarkerSpec& m, const BuiltBody& body) const {
-  const std::vector<Index> nodes = held_nodes(m, body);
-  const auto farthest = [&](const auto& distance) {
-    return *std::max_element(nodes.begin(), nodes.end(), [&](Index a, Index b) { return distance(a) < distance(b); });
+}  // namespace
+
+std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& body) const {
+  check_ways(m);
+  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+  std::vector<Index> nodes;
+  const auto keep_common = [&](std::vector<Index> next) {
+    std::sort(next.begin(), next.end());
+    std::erase_if(nodes, [&](Index k) { return !std::binary_search(next.begin(), next.end(), k); });
   };
-  const auto place = [&](Index k) { return reference_node(*body.flexible, k); };
-  const Index first = farthest([&](Index k) { return (place(k) - place(nodes.front())).norm(); });
-  const Index second = farthest([&](Index k) { return (place(k) - place(first)).norm(); });
-  const Vec3 line = place(second) - place(first);
-  const Index third = farthest([&](Index k) { return (place(k) - place(first)).cross(line).norm(); });
+  if (!m.edge.empty()) {
+    if (shell == nullptr && !body.mesh) throw std::invalid_argument(fmt::format("'{}' has no edges", m.body));
+    if (shell == nullptr && m.edge.size() < 2)
+      throw std::invalid_argument("an edge of a solid is what faces have in common: edge = [\"x0\", \"z1\"]");
+    const auto side = [&](const std::string& name) {
+      return shell != nullptr ? grid_nodes(*shell, name) : body.mesh->nodes_of_faces(body.mesh->face_set(name));
+    };
+    nodes = side(m.edge.front());
+    for (const std::string& name : m.edge) keep_common(side(name));
+    if (nodes.empty()) throw std::invalid_argument("these faces have no node in common: there is no such edge");
+  } else if (!m.nodes.empty()) {
+    if (shell == nullptr && !body.mesh)
+      throw std::invalid_argument(fmt::format("'{}' has no node sets; give a node", m.body));
+    nodes = shell != nullptr ? grid_nodes(*shell, m.nodes) : body.mesh->node_set(m.nodes);
+  } else if (!m.face.empty() || m.bore) {
+    const std::vector<MeshFace> faces = faces_of(m, body);
+    nodes = body.mesh->nodes_of_faces(faces);
+  } else {
+    nodes = {node(m, body)};
+  }
+  std::sort(nodes.begin(), nodes.end());
+  nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
+  return nodes;
+}
+
+namespace {
+
+/// Their vertices, each once.
+std::vector<FrameVertex> vertices_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights,
+                                     const Vec3& centre, bool turns) {
+  std::vector<FrameVertex> vertices;
+  std::map<Index, std::size_t> known;
+  for (std::size_t k = 0; k < points.size(); ++k)
+    for (const auto& [vertex, factor] : points[k].parts) {
+      const double weight = factor * weights[k];
+      const Vec3 arm = turns ? Vec3(weight * (points[k].reference - centre)) : Vec3::Zero();
+      const auto [it, fresh] = known.emplace(vertex, vertices.size());
+      if (fresh) {
+        vertices.push_back({vertex, weight, arm});
+      } else {
+        vertices[it->second].weight += weight;
+        vertices[it->second].arm += arm;
+      }
+    }
+  return vertices;
+}
+
+Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights) {
+  Vec3 sum = Vec3::Zero();
+  for (std::size_t k = 0; k < points.size(); ++k) sum += weights[k] * points[k].reference;
+  return sum;
+}
+
+}  // namespace
+
+std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point) {
+  return std::make_unique<FlexibleFrame>(body, vertices_of({point}, {1}, Vec3::Zero(), false));
+}
+
+std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltBody& body) const {
+  constexpr double kLeastApart = 0.01;
+  const FlexibleBody& flexible = *body.flexible;
+  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+  std::vector<HeldPoint> points;
+  for (const Index k : nodes_of(m, body)) {
+    if (flexible.vertices_per_node() == 1) {
+      points.push_back({fmt::format("node {}", body.mesh->node_label(k)), {{k, 1}}, reference_node(flexible, k)});
+      continue;
+    }
+    if (shell == nullptr)
+      throw std::invalid_argument(
+          fmt::format("nodes of '{}' have places and slopes of their own: give one node", m.body));
+    const Vec3 director = Eigen::Map<const Vec3>(flexible.reference().data() + 3 * (2 * k + 1));
+    // Of very thin shells farther out, where the turn about an edge can be told from rounding.
+    const double apart = std::max(shell->thickness, kLeastApart * std::max(shell->x.norm(), shell->y.norm()));
+    for (const double side : {-0.5, 0.5})
+      points.push_back({fmt::format("node {}, {}", k + 1, side < 0 ? "bottom" : "top"),
+                        {{2 * k, 1}, {2 * k + 1, side * apart}},
+                        reference_node(flexible, k) + side * apart * director});
+  }
+  return points;
+}
+
+std::vector<HeldPoint> FrameBuilder::held_points(const MarkerSpec& m, const BuiltBody& body) const {
+  if (m.face.empty() && !m.bore && m.nodes.empty() && m.edge.empty())
+    throw std::invalid_argument(
+        "attach = \"rigid\" needs a face, an edge, a bore or a node set, whose nodes are to be one rigid piece");
+  std::vector<HeldPoint> points = points_of(m, body);
+  if (points.size() < 3) throw std::invalid_argument("a rigid piece needs three nodes that are not on a line");
+  return points;
+}
+
+std::array<std::size_t, 3> FrameBuilder::base_points(const std::vector<HeldPoint>& points) {
+  const auto farthest = [&](const auto& distance) {
+    std::size_t best = 0;
+    for (std::size_t k = 1; k < points.size(); ++k)
+      if (distance(points[best].reference) < distance(points[k].reference)) best = k;
+    return best;
+  };
+  const std::size_t first = farthest([&](const Vec3& x) { return (x - points.front().reference).norm(); });
+  const Vec3 from = points[first].reference;
+  const std::size_t second = farthest([&](const Vec3& x) { return (x - from).norm(); });
+  const Vec3 line = points[second].reference - from;
+  const std::size_t third = farthest([&](const Vec3& x) { return (x - from).cross(line).norm(); });
   return {first, second, third};
 }
 
-std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const MarkerSpec& m,
-                                                                        const BuiltBody& body) const {
-  const std::array<Index, 3> base = base_nodes(m, body);
+std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const MarkerSpec& m, const BuiltBody& body,
+                                                                        const std::vector<HeldPoint>& points) {
+  std::vector<HeldPoint> base;
   Vec3 centre = Vec3::Zero();
-  for (const Index k : base) centre += reference_node(*body.flexible, k) / 3;
-  std::vector<FrameVertex> vertices;
-  for (const Index k : base) vertices.push_back({k, 1.0 / 3, (reference_node(*body.flexible, k) - centre) / 3});
+  for (const std::size_t k : base_points(points)) {
+    centre += points[k].reference / 3;
+    base.push_back(points[k]);
+  }
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  return {std::make_unique<FlexibleFrame>(*body.flexible, std::move(vertices), axes), centre};
+  return {std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(base, {1.0 / 3, 1.0 / 3, 1.0 / 3}, centre, true),
+                                          axes),
+          centre};
 }
 
 std::unique_ptr<Frame> FrameBuilder::make_rigid(const MarkerSpec& m, const BuiltBody& body) const {
-  auto [base, centre] = make_base(m, body);
+  const std::vector<HeldPoint> points = held_points(m, body);
+  auto [base, centre] = make_base(m, body, points);
   Vec3 origin = Vec3::Zero();
   if (const std::optional<Vec3> wanted = wanted_mean(m, body)) {
     origin = *wanted;
-  } else if (m.nodes.empty()) {
+  } else if (!m.face.empty() || m.bore) {
     origin = area_mean(*body.flexible, *body.mesh, faces_of(m, body));
   } else {
-    const std::vector<Index> nodes = held_nodes(m, body);
-    for (const Index k : nodes) origin += reference_node(*body.flexible, k) / static_cast<double>(nodes.size());
+    for (const HeldPoint& point : points) origin += point.reference / static_cast<double>(points.size());
   }
   const Vec3 offset = base->axes().transpose() * (origin - centre);
   return std::make_unique<CarriedFrame>(std::move(base), offset, Mat3::Identity());
+}
+
+std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, const BuiltBody& body,
+                                                       const Mat3& axes) const {
+  const std::vector<HeldPoint> points = points_of(m, body);
+  std::vector<double> weights(points.size(), 1);
+  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+  if (shell != nullptr && m.edge.size() == 1)  // by length: ends count half
+    for (const std::size_t end : {std::size_t{0}, std::size_t{1}, points.size() - 2, points.size() - 1})
+      weights[end] = 0.5;
+  double sum = 0;
+  for (const double w : weights) sum += w;
+  for (double& w : weights) w /= sum;
+  const Vec3 centre = mean_of(points, weights);
+  // Nodes on a line have no rotation about it: a place alone, unless axes are asked for.
+  double across = 0, along = 0;
+  if (points.size() > 2) {
+    const std::array<std::size_t, 3> base = base_points(points);
+    const Vec3 line = points[base[1]].reference - points[base[0]].reference;
+    along = line.squaredNorm();
+    across = (points[base[2]].reference - points[base[0]].reference).cross(line).norm();
+  }
+  const bool turns = m.attach == Attach::mean || across > 1e-4 * along;
+  return std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(points, weights, centre, turns), axes);
 }
 
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,

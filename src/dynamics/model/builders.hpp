@@ -29,6 +29,14 @@ void at_place(const Place& place, const Make& make) {
 
 class FrameBuilder;
 
+/// A point of a flexible body's material at nodes that are held: a node of a solid; of a shell one on either side.
+struct HeldPoint {
+  std::string name;
+  std::vector<std::pair<Index, double>> parts;  ///< x = the sum of factors times vertices
+  Vec3 reference = Vec3::Zero();                ///< mesh coordinates
+};
+[[nodiscard]] std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point);
+
 /// The quadrilaterals of its grid of nodes, x fastest.
 [[nodiscard]] std::vector<std::array<Index, 4>> shell_quads(const ShellSpec& shell);
 /// Makes one body and adds it to the system.
@@ -61,16 +69,23 @@ class FrameBuilder {
   [[nodiscard]] const MarkerSpec& resolve(const MarkerSpec& marker) const;
   /// A frame on the nodes of a flexible body, which need not be in the system yet. @pre the marker is resolved
   [[nodiscard]] std::unique_ptr<FlexibleFrame> make_nodal(const MarkerSpec& marker, const BuiltBody& body) const;
-  /// Nodes of a marker's face, bore or node set, ascending.
-  [[nodiscard]] std::vector<Index> held_nodes(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// Nodes of a flexible body where a marker is, ascending: a node, those of a face, a bore, a node set, an edge.
+  [[nodiscard]] std::vector<Index> nodes_of(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// Points of a marker's face, edge, bore or node set that are to be one rigid piece, by their nodes.
+  [[nodiscard]] std::vector<HeldPoint> held_points(const MarkerSpec& marker, const BuiltBody& body) const;
   /// Three of them, far from each other and from a line.
-  [[nodiscard]] std::array<Index, 3> base_nodes(const MarkerSpec& marker, const BuiltBody& body) const;
+  [[nodiscard]] static std::array<std::size_t, 3> base_points(const std::vector<HeldPoint>& points);
   /// The frame that stands on these three alone, and its origin in mesh coordinates.
-  [[nodiscard]] std::pair<std::unique_ptr<FlexibleFrame>, Vec3> make_base(const MarkerSpec& marker,
-                                                                          const BuiltBody& body) const;
+  [[nodiscard]] static std::pair<std::unique_ptr<FlexibleFrame>, Vec3> make_base(const MarkerSpec& marker,
+                                                                                 const BuiltBody& body,
+                                                                                 const std::vector<HeldPoint>& points);
 
  private:
   [[nodiscard]] std::unique_ptr<FlexibleFrame> make_face(const MarkerSpec& marker, const BuiltBody& body,
+                                                         const Mat3& axes) const;
+  [[nodiscard]] std::vector<HeldPoint> points_of(const MarkerSpec& marker, const BuiltBody& body) const;
+  /// Mean position and rotation of an edge or a node set.
+  [[nodiscard]] std::unique_ptr<FlexibleFrame> make_mean(const MarkerSpec& marker, const BuiltBody& body,
                                                          const Mat3& axes) const;
   /// Where the mean would be, carried by the frame on three nodes.
   [[nodiscard]] std::unique_ptr<Frame> make_rigid(const MarkerSpec& marker, const BuiltBody& body) const;
@@ -85,6 +100,8 @@ class FrameBuilder {
 /// Surfaces and the contacts between them. @throws Error(invalid_input) with the place, for surfaces that are missing,
 /// empty, inside out, or overlap in the configuration q by more than is allowed
 void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out);
+/// After all frames. @throws Error(invalid_input) with the place
+void build_support(const SupportSpec& spec, const FrameBuilder& frames, Mechanism& out);
 /// Stops and friction of a joint that is in the system already.
 void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out);
 /// Inputs of the program and switches; before build_functions().

@@ -93,9 +93,11 @@ struct BeamSpec {
   Index elements = 10;
   BeamSection section;
 };
-/// A flat plate of nx x ny shells: origin + s x + t y, s and t in [0, 1].
+/// A plate of nx x ny shells: origin + s x + t y, s and t in [0, 1]; flat, or with x bent to an arc of the same length
+/// that leaves the origin along x and turns towards the normal, x cross y.
 struct ShellSpec {
   Vec3 origin, x, y;
+  double curvature = 0;  ///< of the arc, 1 / radius
   Index nx = 1, ny = 1;
   Material material;
   double thickness = 0;
@@ -124,6 +126,7 @@ struct BodySpec {
   std::string name;
   std::variant<RigidSpec, SolidSpec, CableSpec, BeamSpec, ShellSpec, PointSpec, SubstructureSpec> shape;
   std::optional<Vec3> gravity;                                  ///< instead of the model's
+  bool massless = false;                                        ///< no density is given: that of the parts is 1
   bool velocity_given = false, angular_velocity_given = false;  ///< whether they stand in the text
   [[nodiscard]] bool any_velocity_given() const { return velocity_given || angular_velocity_given; }
   // Flexible bodies; a rigid body keeps its own in RigidBodyData.
@@ -154,10 +157,11 @@ struct MarkerSpec {
   // Where on a flexible body; exactly one of them.
   std::optional<std::int64_t>
       node;  ///< label in the mesh or substructure; of cables, beams and shells: counted from 1, -1 the last
-  std::optional<Vec3> near;  ///< the nearest node (in mesh coordinates), or, with a face set, see radius
-  std::string face;          ///< face set: averaged
-  std::string nodes;         ///< node set: averaged position, no axes
-  double radius = 0;         ///< > 0: only the faces of the set within this distance of `near`
+  std::optional<Vec3> near;       ///< the nearest node (in mesh coordinates), or, with a face set, see radius
+  std::string face;               ///< face set: averaged
+  std::string nodes;              ///< node set: averaged position, and axes where `attach` is given
+  std::vector<std::string> edge;  ///< what faces of a solid have in common; edges of a shell
+  double radius = 0;              ///< > 0: only the faces of the set within this distance of `near`
   /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
   struct Bore {
     Vec3 point, axis;  ///< mesh coordinates; the frame's origin is `point` unless another one is given
@@ -256,6 +260,17 @@ struct ForceSpec {
   Vec3 start = Vec3::Zero();
   double direction = 0, friction = 0, slip_speed = 0, smoothing = 0;
   bool both_sides = false;
+};
+
+/// Nodes of a flexible body that are held or moved one by one.
+struct SupportSpec {
+  Place place;
+  std::string name;
+  MarkerSpec where;                                 ///< its axes are the directions
+  std::array<bool, 3> held{};                       ///< along them, at rest or with `motion`
+  std::array<std::optional<Expression>, 3> motion;  ///< displacements from the start, functions of time
+  bool slopes = false;                              ///< directors of shells and slopes of cables are held, too
+  bool symmetry = false;                            ///< about the plane across the first direction: slopes stay in it
 };
 
 // Contact ------------------------------------------------------------------------------------------------------------
@@ -389,6 +404,7 @@ struct Description {
   std::map<std::string, MarkerSpec> markers;
   std::vector<JointSpec> joints;
   std::vector<ForceSpec> forces;
+  std::vector<SupportSpec> supports;
   std::vector<SurfaceSpec> surfaces;
   std::vector<ContactSpec> contacts;
   std::map<std::string, CurvePtr> splines;
@@ -403,6 +419,7 @@ struct Description {
   OutputSpec output;
   std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp
   ModelKeys keys;                                           ///< of the text that this was read from
+  [[nodiscard]] bool linear() const { return statics && statics->options.path == StaticPath::linear; }
 };
 
 /// Reads an expanded text (see expand()). @throws Error(invalid_input) "file:line: path: what to do"
@@ -413,6 +430,11 @@ struct Description {
 void read_bodies(Section& root, Description& model);
 void read_joints(Section& root, Description& model);
 void read_forces(Section& root, Description& model);
+void read_supports(Section& root, Description& model);
+/// Whether the text asks for linear statics, which needs no densities; without a word to what is wrong in it.
+[[nodiscard]] bool asks_for_linear_statics(const Value& root);
+/// The keys of a marker that say where on a body it is.
+void read_where(Section& s, MarkerSpec& out);
 /// [surfaces] and [contacts].
 void read_surfaces(Section& root, Description& model);
 /// The keys limits, angle_limits and friction of a joint.

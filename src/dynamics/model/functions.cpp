@@ -147,6 +147,8 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
     const auto it = mechanism.contacts.find(object);
     return of_joint(*joint, it == mechanism.contacts.end() ? nullptr : &it->second);
   }
+  if (const Support* support = mechanism.support(object))
+    return Offer{{{"force", reaction_of(*support, false)}, {"moment", reaction_of(*support, true)}}, {}};
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
   if (const FacePressure* pressure = mechanism.pressure(object))
     return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
@@ -165,6 +167,7 @@ std::vector<std::string> object_names(const Mechanism& mechanism) {
   for (const BuiltBody& b : mechanism.bodies) names.push_back(b.spec.name);
   for (const auto& [name, frame] : mechanism.markers) names.push_back(name);
   for (const Joint* j : mechanism.joints) names.push_back(j->name());
+  for (const Support* s : mechanism.supports) names.push_back(s->name());
   for (const BuiltForce& f : mechanism.forces) names.push_back(f.force->name());
   for (const FacePressure* p : mechanism.pressures) names.push_back(p->name());
   for (const BuiltContact& c : mechanism.surface_contacts) names.push_back(c.name);
@@ -192,7 +195,7 @@ StateFunctionPtr find_function(const Mechanism& mechanism, const std::string& re
   const std::vector<std::string> parts = split_name(request);
   const std::optional<Offer> offer = functions_of(mechanism, parts[0]);
   if (!offer)
-    refuse(fmt::format("there is no body, marker, joint or force '{}'{}", parts[0],
+    refuse(fmt::format("there is no body, marker, joint, support or force '{}'{}", parts[0],
                        suggestion(parts[0], object_names(mechanism))));
   const std::string what = parts.size() > 1 ? parts[1] : "";
   for (const auto& [name, function] : offer->scalars)

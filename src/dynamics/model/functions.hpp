@@ -18,6 +18,7 @@ class Mechanism;
 ///   JOINT               force moment on its frame b; angle, angular_speed (turns counted; joints with one axis),
 ///                       displacement, speed (along z of a; prismatic, cylindrical, translation-motor), distance,
 ///                       friction_force, friction_moment, stop_force, stop_moment (positive holds the coordinate back)
+///   SUPPORT             force moment on its body, the moment about the mean of its nodes
 ///   FORCE               force moment on frame b (a load: a); of springs and motors coordinate, rate, strength
 ///   inputs, sensors     by their names
 struct Offer {

@@ -129,6 +129,12 @@ void HarmonicObserver::observe(double w, Index load, const Complex* x, Complex* 
     }
     for (std::size_t r = 0; r < rows; ++r)
       d.lambda[static_cast<std::size_t>(linearised_.rows[r])] = part(multiplier_ * x[n + r]);
+    if (share_) {
+      State shared = state_;
+      shared.lambda = d.lambda;
+      share_(shared);
+      d.lambda = shared.lambda;
+    }
     const Numbers values = along(d);
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (imaginary)

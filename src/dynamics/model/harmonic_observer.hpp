@@ -3,6 +3,7 @@
 #pragma once
 
 #include <complex>
+#include <functional>
 #include <optional>
 #include <vector>
 
@@ -30,6 +31,8 @@ class HarmonicObserver final : public harmonic::Observer {
   HarmonicObserver(Mechanism& mechanism, const State& state, const Linearised& linearised,
                    std::vector<Quantity> quantities, const std::vector<std::vector<DrivenNumber>>& loads,
                    std::complex<double> multiplier, std::optional<double> load);
+  /// What makes reactions that redundant constraints leave open those of least norm; none: they are as solved.
+  void share_reactions(std::function<void(State&)> share) { share_ = std::move(share); }
   [[nodiscard]] Index outputs() const override { return static_cast<Index>(quantities_.size()); }
   void observe(double w, Index load, const harmonic::Complex* x, harmonic::Complex* y) override;
   [[nodiscard]] double noise(Index load, Index output) const override;
@@ -54,6 +57,7 @@ class HarmonicObserver final : public harmonic::Observer {
   std::vector<Quantity> quantities_;
   std::complex<double> multiplier_;
   std::optional<double> load_;
+  std::function<void(State&)> share_;
   mutable Scene scene_;
   Numbers here_;
   std::vector<std::vector<std::complex<double>>> direct_;  // of each load

@@ -123,6 +123,7 @@ ModelHarmonicResult run_harmonic(const HarmonicCase& of) {
     throw;
   }
   HarmonicObserver observer(of.mechanism, of.state, a, of.quantities, loads, factor, of.load);
+  observer.share_reactions(of.share);
   of.mechanism.system.set_load_factor(of.load.value_or(1));
   HarmonicOptions options = of.spec.options;
   options.solver = of.solver;

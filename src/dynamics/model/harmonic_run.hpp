@@ -2,6 +2,7 @@
 /// The frequency response of a built model about a state.
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include "dynamics/model/quantities.hpp"
@@ -19,6 +20,7 @@ struct HarmonicCase {
   std::optional<double> load;  ///< load factor of a statics run
   bool equilibrium = false;    ///< the state is one, to the tolerance of the search for it
   const Options& solver;
+  std::function<void(State&)> share;  ///< HarmonicObserver::share_reactions()
 };
 
 /// Failures after the first solve stand in the result's status, with what was found; else

@@ -1,6 +1,7 @@
 #include "dynamics/model/joint_frames.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -63,12 +64,16 @@ void complete_axes(Spec& spec, const std::string& type, const FrameBuilder& fram
   }
 }
 
-bool is_face(const MarkerSpec& m) { return !m.face.empty() || m.bore.has_value(); }
+/// Several nodes of a flexible body.
+bool is_set(const MarkerSpec& m) {
+  return !m.face.empty() || m.bore.has_value() || !m.nodes.empty() || !m.edge.empty();
+}
 
 std::string face_name(const MarkerSpec& m) {
   return fmt::format("{} of '{}'",
                      !m.face.empty()    ? fmt::format("face '{}'", m.face)
                      : !m.nodes.empty() ? fmt::format("nodes '{}'", m.nodes)
+                     : !m.edge.empty()  ? fmt::format("edge '{}'", fmt::join(m.edge, " "))
                                         : std::string("the bore"),
                      m.body);
 }
@@ -76,7 +81,7 @@ std::string face_name(const MarkerSpec& m) {
 /// What holds a face where nothing says it: all its nodes in a fixed joint, if they are there.
 void decide(MarkerSpec& m, const JointSpec& joint, const Mechanism& built, std::vector<std::string>& notices) {
   if (m.attach == Attach::automatic) m.attach = joint.attach;
-  if (m.attach != Attach::automatic || joint.type != JointType::fixed || !is_face(m)) return;
+  if (m.attach != Attach::automatic || joint.type != JointType::fixed || !is_set(m)) return;
   const BuiltBody* body = built.body(m.body);
   if (body == nullptr || body->flexible == nullptr) return;
   const bool reduced = body->reduced != nullptr;
@@ -94,8 +99,9 @@ void decide(MarkerSpec& m, const JointSpec& joint, const Mechanism& built, std::
 void check_attach(const MarkerSpec& m, const Mechanism& built) {
   if (m.attach != Attach::rigid) return;
   const BuiltBody* body = built.body(m.body);
-  if (!is_face(m) && m.nodes.empty())
-    fail(m.place, "attach = \"rigid\" needs a face, a bore or a node set, whose nodes are to be one rigid piece");
+  if (!is_set(m))
+    fail(m.place,
+         "attach = \"rigid\" needs a face, an edge, a bore or a node set, whose nodes are to be one rigid piece");
   if (body != nullptr && body->reduced != nullptr)
     fail(m.place, fmt::format("'{}' is reduced, and has no single nodes to hold rigidly: attach = \"mean\", or no "
                               "'reduce'",
@@ -110,8 +116,8 @@ JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Me
   bool face = false;
   for (MarkerSpec& m : out.frames) {
     m = frames.resolve(m);
-    face = face || is_face(m) || !m.nodes.empty();
-    if (is_face(m) || !m.nodes.empty()) decide(m, joint, built, notices);
+    face = face || is_set(m);
+    if (is_set(m)) decide(m, joint, built, notices);
     check_attach(m, built);
   }
   if (joint.attach != Attach::automatic && !face)
@@ -134,23 +140,24 @@ void hold_rigidly(const MarkerSpec& marker, const FrameBuilder& frames, Mechanis
   const BuiltBody* body = out.body(marker.body);
   if (marker.attach != Attach::rigid || body == nullptr) return;
   const FlexibleBody& flexible = *body->flexible;
-  std::vector<Index> nodes = frames.held_nodes(marker, *body);
-  if (!out.rigid_pieces.insert({marker.body, nodes}).second) return;
-  const std::array<Index, 3> base = frames.base_nodes(marker, *body);
-  const auto name = [&](Index k) { return fmt::format("{}, node {}", face_name(marker), body->mesh->node_label(k)); };
-  const Vec3 centre = frames.make_base(marker, *body).second;
-  const auto place = [&](Index k) { return Vec3(Eigen::Map<const Vec3>(flexible.reference().data() + 3 * k)); };
+  const std::vector<HeldPoint> points = frames.held_points(marker, *body);
+  std::vector<Index> vertices;
+  for (const HeldPoint& point : points) vertices.push_back(point.parts.front().first);
+  if (!out.rigid_pieces.insert({marker.body, vertices}).second) return;
+  const std::array<std::size_t, 3> base = FrameBuilder::base_points(points);
+  const auto name = [&](std::size_t k) { return fmt::format("{}, {}", face_name(marker), points[k].name); };
+  const Vec3 centre = FrameBuilder::make_base(marker, *body, points).second;
   for (std::size_t i = 0; i < 3; ++i) {
-    const Index from = base[i], to = base[(i + 1) % 3];
-    out.system.add(distance_joint(name(from), make_node_frame(flexible, from), make_node_frame(flexible, to),
-                                  (place(to) - place(from)).norm()));
+    const HeldPoint &from = points[base[i]], &to = points[base[(i + 1) % 3]];
+    out.system.add(distance_joint(name(base[i]), make_point_frame(flexible, from), make_point_frame(flexible, to),
+                                  (to.reference - from.reference).norm()));
   }
-  for (const Index k : nodes) {
+  for (std::size_t k = 0; k < points.size(); ++k) {
     if (std::find(base.begin(), base.end(), k) != base.end()) continue;
-    auto frame = frames.make_base(marker, *body).first;
-    const Vec3 offset = frame->axes().transpose() * (place(k) - centre);
+    auto frame = FrameBuilder::make_base(marker, *body, points).first;
+    const Vec3 offset = frame->axes().transpose() * (points[k].reference - centre);
     out.system.add(spherical_joint(name(k), std::make_unique<CarriedFrame>(std::move(frame), offset, Mat3::Identity()),
-                                   make_node_frame(flexible, k)));
+                                   make_point_frame(flexible, points[k])));
   }
 }
 

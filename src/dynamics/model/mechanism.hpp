@@ -17,9 +17,11 @@
 #include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/joints/joint.hpp"
+#include "dynamics/joints/support.hpp"
 #include "dynamics/model/controls.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/identity.hpp"
+#include "dynamics/model/linear_response.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -65,6 +67,13 @@ struct BuiltContact {
   [[nodiscard]] contact::ContactReport report(const StateView& s) const;
 };
 
+/// A direction in which a support holds a vertex of a body.
+struct HeldDirection {
+  Vec3 direction = Vec3::Zero();
+  std::string by;
+  bool moved = false;  ///< by a function of time
+};
+
 /// A system with its names. Frames and components point into it, so it does not move.
 class Mechanism {
  public:
@@ -89,13 +98,19 @@ class Mechanism {
   std::vector<StateFunctionPtr> conditions;                       ///< of the model's events, in their order
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
   std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
-  Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
-  std::vector<std::string> notices;  ///< what joints do not fit at the start, and how they hold faces
+  std::vector<Support*> supports;
+  std::map<std::pair<std::string, Index>, std::vector<HeldDirection>> held;  ///< by body and vertex
+  std::unique_ptr<const LinearResponse> linear;  ///< of linear statics: quantities and pictures are those of it
+  Controls* controls = nullptr;                  ///< null: nothing can be set, switched or happen
+  std::vector<std::string> notices;              ///< what joints do not fit at the start, and how they hold faces
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;
   [[nodiscard]] Joint* joint(const std::string& name) const;
   [[nodiscard]] const BuiltForce* force(const std::string& name) const;
+  [[nodiscard]] const Support* support(const std::string& name) const;
+  /// Load factor of the forces and pressures that are functions of the state, on which stiffness depends.
+  void load_functions_of_state(double factor);
   [[nodiscard]] FacePressure* pressure(const std::string& name) const;
   [[nodiscard]] const BuiltContact* surface_contact(const std::string& name) const;
   /// "; element 7 of 'rod' is inverted" where the last evaluation of a flexible body found one, else "".

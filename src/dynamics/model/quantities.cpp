@@ -47,8 +47,12 @@ VectorValue acceleration_of(std::shared_ptr<const Frame> frame) {
   };
 }
 
+/// @param massless  there is no density: a place is all that it has
 template <class Body>
-Columns of_flexible(const Body& body) {
+Columns of_flexible(const Body& body, bool massless) {
+  if (massless)
+    return {{{"position", [&body](const Sample& s) { return to_vec(body.mass_properties(s.state->q, {}).centre); }}},
+            {}};
   return {
       {{"position", [&body](const Sample& s) { return to_vec(body.mass_properties(s.state->q, s.state->v).centre); }},
        {"velocity",
@@ -117,14 +121,14 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
   if (object == "constraints" || object == "step") return of_run(object);
   if (const BuiltContact* contact = mechanism.surface_contact(object)) return of_contact(*contact);
   const BuiltBody* body = mechanism.body(object);
-  if (body != nullptr && body->reduced != nullptr) return of_flexible(*body->reduced);
-  if (body != nullptr && body->flexible != nullptr) return of_flexible(*body->flexible);
+  if (body != nullptr && body->reduced != nullptr) return of_flexible(*body->reduced, body->spec.massless);
+  if (body != nullptr && body->flexible != nullptr) return of_flexible(*body->flexible, body->spec.massless);
   const std::optional<Offer> offer = functions_of(mechanism, object);
   if (!offer) {
     std::vector<std::string> names = {"energy", "constraints", "step"};
     for (const std::string& name : object_names(mechanism)) names.push_back(name);
-    fail(place, fmt::format("\"{}\": there is no body, marker, joint, force or contact '{}'{}", request, object,
-                            suggestion(object, names)));
+    fail(place, fmt::format("\"{}\": there is no body, marker, joint, support, force or contact '{}'{}", request,
+                            object, suggestion(object, names)));
   }
   Columns columns = columns_of(*offer);
   if (body != nullptr && body->rigid != nullptr)
@@ -190,7 +194,26 @@ std::vector<SimulationQuantity> list_quantities(Mechanism& mechanism) {
   return list;
 }
 
-std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request, const Place& place) {
+namespace {
+
+/// The same of linear statics, once that is there. What tells of the run is no function of the state.
+Quantity in_linear_statics(Quantity q, const Mechanism& mechanism) {
+  const std::vector<std::string> parts = split_name(q.name);
+  if (parts[0] == "step" || parts[0] == "constraints") return q;
+  const bool energy = q.name.find("energy") != std::string::npos;
+  q.value = [value = std::move(q.value), &mechanism, energy](const Sample& s) {
+    if (!mechanism.linear) return value(s);
+    const auto at = [&](const State& state) {
+      Sample there{&state, s.report};
+      there.load = s.load;
+      return value(there);
+    };
+    return energy ? mechanism.linear->energy(at) : mechanism.linear->of(std::function<double(const State&)>(at));
+  };
+  return q;
+}
+
+std::vector<Quantity> find_plain(Mechanism& mechanism, const std::string& request, const Place& place) {
   const std::vector<std::string> parts = split_name(request);
   const Columns offer = find_columns(mechanism, parts[0], request, place);
   std::vector<std::string> known;
@@ -218,6 +241,14 @@ std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& r
     fail(place, fmt::format("\"{}\": unknown component '{}'; known are x, y, z, norm", request, parts[2]));
   }
   fail(place, fmt::format("\"{}\": '{}' has no '{}'{}", request, parts[0], what, suggestion(what, known)));
+}
+
+}  // namespace
+
+std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request, const Place& place) {
+  std::vector<Quantity> found = find_plain(mechanism, request, place);
+  for (Quantity& q : found) q = in_linear_statics(std::move(q), mechanism);
+  return found;
 }
 
 }  // namespace espalier::dynamics::model

@@ -44,6 +44,7 @@ struct Quantity {
 ///   JOINT           .force .moment: of the joint on its frame b, global axes, at the frame  [.x .y .z]
 ///                   .coordinate: value of its first equation's relative coordinate (angle, displacement, distance)
 ///                   .angle .angular_speed .displacement .speed and contacts: see model/functions.hpp
+///   SUPPORT         .force .moment on its body, about the mean of its nodes      [.x .y .z]
 ///   FORCE           .force .moment on frame b (a load: on a)   [.x .y .z]; springs, motors: .coordinate .rate
 ///   .strength inputs, sensors by their names energy          .kinetic .potential .total constraints     .position
 ///   .velocity .acceleration: largest violation step            .h .order .newton .error

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <initializer_list>
 #include <numbers>
+#include <utility>
 
 #include "dynamics/model/body_demand.hpp"
 #include "dynamics/model/description.hpp"
@@ -44,12 +45,13 @@ class BodyReader {
       if (type == 6) body.shape = read_substructure(s);
     }
     s.finish();
+    body.massless = std::exchange(massless_, false);
     demand_.add(body);
     model_.bodies.push_back(std::move(body));
   }
 
  private:
-  static Material read_material(const Value& value) {
+  Material read_material(const Value& value) const {
     Section s(value);
     Material m;
     m.law = static_cast<SolidLaw>(s.choice("law", {"st-venant-kirchhoff", "neo-hookean"}, 0));
@@ -57,12 +59,32 @@ class BodyReader {
     m.poisson = s.number("poisson", 0);
     if (!(m.poisson > -1 && m.poisson < 0.5))
       fail(s.place("poisson"), fmt::format("must lie in (-1, 0.5), not {}", m.poisson));
-    m.density = s.positive("density");
+    m.density = inertia(s, "density");
     s.finish();
     return m;
   }
 
+  /// Density and the like: > 0; linear statics does without and takes 1, 0 stands for that here.
+  double inertia(Section& s, const std::string& key) const {
+    if (s.has(key)) return s.positive(key);
+    if (!model_.linear())
+      fail(s.place(), fmt::format("needs '{}', a number greater than 0 (linear statics alone does without: [statics] "
+                                  "with linear = true)",
+                                  key));
+    return 0;
+  }
+  /// The same as a number that bodies can be made with.
+  double noted(double density) const {
+    massless_ = massless_ || density == 0;
+    return density == 0 ? 1 : density;
+  }
+
   std::optional<Material> material(Section& s) const {
+    std::optional<Material> found = plain_material(s);
+    if (found) found->density = noted(found->density);
+    return found;
+  }
+  std::optional<Material> plain_material(Section& s) const {
     const Value* value = s.value("material");
     if (value == nullptr) return std::nullopt;
     if (value->type != Value::Type::text) return read_material(*value);
@@ -344,7 +366,7 @@ class BodyReader {
       const Material m = needed_material(s);
       c.section = {m.young * area, m.young * area * r * r / 4, m.density * area};
     } else {
-      c.section = {s.positive("axial"), s.number("bending"), s.positive("mass_per_length")};
+      c.section = {s.positive("axial"), s.number("bending"), noted(inertia(s, "mass_per_length"))};
       if (c.section.bending < 0) fail(s.place("bending"), "must not be negative");
     }
     return c;
@@ -385,11 +407,11 @@ class BodyReader {
                                                                   {"bending_y", &b.section.bending_y},
                                                                   {"bending_z", &b.section.bending_z},
                                                                   {"section_normal", &b.section.section_normal},
-                                                                  {"section_shear", &b.section.section_shear},
-                                                                  {"mass_per_length", &b.section.mass_per_length},
-                                                                  {"inertia_y", &b.section.inertia_y},
-                                                                  {"inertia_z", &b.section.inertia_z}})
+                                                                  {"section_shear", &b.section.section_shear}})
         *value = s.positive(key);
+      b.section.mass_per_length = noted(inertia(s, "mass_per_length"));
+      b.section.inertia_y = noted(inertia(s, "inertia_y"));
+      b.section.inertia_z = noted(inertia(s, "inertia_z"));
     }
     return b;
   }
@@ -398,11 +420,18 @@ class BodyReader {
     ShellSpec shell{s.vector("origin", Vec3::Zero()),
                     s.vector("x"),
                     s.vector("y"),
+                    s.number("curvature", 0),
                     elements(s, "nx", 4),
                     elements(s, "ny", 4),
                     needed_material(s),
                     s.positive("thickness")};
     if (!(shell.x.cross(shell.y).norm() > 0)) fail(s.place("y"), "x and y must not be parallel");
+    if (shell.curvature != 0) {
+      if (!(std::abs(shell.x.dot(shell.y)) <= 1e-9 * shell.x.norm() * shell.y.norm()))
+        fail(s.place("curvature"), "needs x and y at a right angle: x is bent about y");
+      if (!(std::abs(shell.curvature) * shell.x.norm() < 2 * std::numbers::pi))
+        fail(s.place("curvature"), "times the length of x must be less than a full turn, 2 pi");
+    }
     if (static_cast<double>(shell.nx) * shell.ny > kMostElements)
       fail(s.place("nx"), fmt::format("nx times ny must not be above {:g}", kMostElements));
     return shell;
@@ -410,6 +439,7 @@ class BodyReader {
 
   Description& model_;
   std::map<std::string, Material> materials_;
+  mutable bool massless_ = false;  // the body that is being read
   MemoryDemand demand_;
 };
 

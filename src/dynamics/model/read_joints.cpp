@@ -243,10 +243,18 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.point = s.vector("point", Vec3::Zero());
   m.axes = read_axes(s, m.axis_given);
   m.attach = read_attach(s);
+  read_where(s, m);
+  m.most_nodes = s.integer("most_nodes", 0, 240);
+  s.finish();
+  return m;
+}
+
+void read_where(Section& s, MarkerSpec& m) {
   if (s.has("node")) m.node = s.integer("node", -1, 0);
   if (s.has("near")) m.near = s.vector("near");
   m.face = s.text("face", "");
   m.nodes = s.text("nodes", "");
+  m.edge = s.texts("edge");
   m.radius = s.positive("radius", 0);
   if (auto b = s.table("bore")) {
     m.bore = {b->vector("point"), b->vector("axis", Vec3::UnitZ()), b->positive("radius"), b->positive("length", 0)};
@@ -256,9 +264,6 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
     if (!m.point_given) m.point = m.bore->point;
     m.point_given = true;
   }
-  m.most_nodes = s.integer("most_nodes", 0, 240);
-  s.finish();
-  return m;
 }
 
 void read_joints(Section& root, Description& model) {

@@ -68,7 +68,21 @@ void read_integrator(Section s, IntegratorSpec& out) {
   s.finish();
 }
 
-void read_statics_options(Section& s, StaticsOptions& o) {
+/// @param run  a run of its own, which may be linear
+void read_statics_options(Section& s, StaticsOptions& o, bool run) {
+  if (s.has("linear") && !run)
+    fail(
+        s.place("linear"),
+        "a motion begins in the equilibrium of its own equations, which are not linear; linear = true is for a section "
+        "[statics], a run of its own");
+  if (run && s.flag("linear", false)) {
+    o.path = StaticPath::linear;
+    o.load = s.number("load", o.load);
+    for (const char* key : {"tolerance", "first_step", "largest_step", "smallest_step", "max_steps", "max_iterations",
+                            "max_factorizations", "pseudo_time", "path"})
+      if (s.has(key)) fail(s.place(key), "has no meaning in linear statics, which is one solve; take it out");
+    return;
+  }
   o.tolerance = s.positive("tolerance", o.tolerance);
   constexpr double kCoarsest = 0.1;
   if (o.tolerance > kCoarsest)
@@ -90,7 +104,7 @@ StaticsSpec read_statics(Section s) {
   StaticsSpec out;
   out.place = s.place();
   out.time = s.number("time", 0);
-  read_statics_options(s, out.options);
+  read_statics_options(s, out.options, true);
   s.finish();
   return out;
 }
@@ -100,7 +114,7 @@ void read_initial(Section s, InitialSpec& out) {
   if (const Value* statics = s.value("statics"); statics != nullptr && statics->type == Value::Type::table) {
     out.statics = true;
     Section options(*statics);
-    read_statics_options(options, out.statics_options);
+    read_statics_options(options, out.statics_options, false);
     options.finish();
   } else {
     out.statics = s.flag("statics", false);
@@ -151,6 +165,20 @@ void read_solver(const Value& table, Description& model) {
   }
 }
 
+/// Without a density there is no weight, and nothing swings.
+void check_densities(const Description& model) {
+  for (const BodySpec& body : model.bodies) {
+    if (!body.massless) continue;
+    const auto refuse = [&](const char* what) {
+      fail(body.place,
+           fmt::format("needs a density (of its material; mass_per_length and inertias of a section): {}", what));
+    };
+    if (!body.gravity.value_or(model.gravity).isZero(0)) refuse("there is gravity; gravity = [0, 0, 0] takes it away");
+    if (model.initial.modes > 0) refuse("natural frequencies are asked for");
+    if (model.harmonic) refuse("a frequency response is asked for");
+  }
+}
+
 /// One name means one thing: quantities and references must not be ambiguous.
 void check_names(const Description& model) {
   std::map<std::string, Place> taken;
@@ -160,18 +188,26 @@ void check_names(const Description& model) {
       fail(place, fmt::format("the name '{}' is taken; choose another", name));
     const auto [it, fresh] = taken.emplace(name, place);
     if (!fresh)
-      fail(place, fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints, forces and contacts "
-                              "share their names",
-                              name, it->second.path, it->second.line));
+      fail(place,
+           fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints, supports, forces and contacts "
+                       "share their names",
+                       name, it->second.path, it->second.line));
   };
   for (const BodySpec& body : model.bodies) take(body.name, body.place);
   for (const auto& [name, marker] : model.markers) take(name, marker.place);
   for (const JointSpec& joint : model.joints) take(joint.name, joint.place);
   for (const ForceSpec& force : model.forces) take(force.name, force.place);
+  for (const SupportSpec& support : model.supports) take(support.name, support.place);
   for (const ContactSpec& contact : model.contacts) take(contact.name, contact.place);
 }
 
 }  // namespace
+
+bool asks_for_linear_statics(const Value& root) {
+  const Value* statics = root.find("statics");
+  const Value* linear = statics != nullptr && statics->is_table() ? statics->find("linear") : nullptr;
+  return linear != nullptr && linear->type == Value::Type::boolean && linear->boolean;
+}
 
 Description read_description(const Value& root_value, const std::string& file) {
   Description model;
@@ -181,12 +217,14 @@ Description read_description(const Value& root_value, const std::string& file) {
   Section root(root_value);
   model.title = root.text("title", std::filesystem::path(file).stem().string());
   model.gravity = root.vector("gravity", Vec3::Zero());
+  if (asks_for_linear_statics(root_value)) model.statics.emplace().options.path = StaticPath::linear;  // densities
   read_bodies(root, model);
   root.named("markers",
              [&](const std::string& name, const Value& value) { model.markers[name] = read_marker(value, name); });
   read_splines(root, model);
   read_joints(root, model);
   read_forces(root, model);
+  read_supports(root, model);
   read_surfaces(root, model);
   read_events(root, model);
   bind_curves(model);
@@ -209,6 +247,7 @@ Description read_description(const Value& root_value, const std::string& file) {
   if (const Value* s = root.value("solver")) read_solver(*s, model);
   root.finish();
   check_names(model);
+  check_densities(model);
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
 }

@@ -217,6 +217,9 @@ void bind_curves(Description& model) {
   const CurveBinder bind(model.splines);
   for (JointSpec& joint : model.joints)
     if (joint.function) bind(joint.place, *joint.function);
+  for (SupportSpec& support : model.supports)
+    for (auto& motion : support.motion)
+      if (motion) bind(support.place, *motion);
   for (ForceSpec& force : model.forces) {
     if (force.formula) bind(force.formula->place, force.formula->expression);
     for (auto& component : force.components)

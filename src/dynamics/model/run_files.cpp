@@ -45,11 +45,15 @@ RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechan
   const auto add = [&](const std::string& request) {
     for (Quantity& q : find_quantities(mechanism_, request, spec_.place)) columns_.push_back(std::move(q));
   };
-  if (spec_.reactions)
-    for (const Joint* joint : mechanism_.joints) {
-      add(joint->name() + ".force");
-      add(joint->name() + ".moment");
+  if (spec_.reactions) {
+    std::vector<std::string> names;
+    for (const Joint* joint : mechanism_.joints) names.push_back(joint->name());
+    for (const Support* support : mechanism_.supports) names.push_back(support->name());
+    for (const std::string& name : names) {
+      add(name + ".force");
+      add(name + ".moment");
     }
+  }
   if (spec_.energies)
     for (const char* name : {"energy.kinetic", "energy.potential", "energy.total"}) add(name);
   if (spec_.constraints)

@@ -79,7 +79,8 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
   check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
-  summary_.method = model_.statics                            ? "statics"
+  summary_.method = model_.linear()                           ? "linear statics"
+                    : model_.statics                          ? "statics"
                     : !model_.moves                           ? "harmonic"
                     : model_.integrator.method == Method::bdf ? "bdf"
                                                               : "generalized-alpha";
@@ -238,12 +239,13 @@ void Runner::start_integrator() {
 
 Sample Runner::sample(const StepReport& report) {
   Sample s{&current(), report};
-  if (!guard_->redundant().empty()) {
+  if (!guard_->redundant().empty() && !mechanism_->linear) {
     shown_ = current();
     guard_->share_reactions(shown_);
     s.state = &shown_;
   }
   if (model_.statics) s.load = load_;
+  if (mechanism_->linear) return s;  // which meets the constraints to first order
   equations_->evaluate_constraints(s.state->t, s.state->q, s.state->v);
   std::vector<double> level(s.state->lambda.size());
   s.report.levels.position = max_norm(equations_->phi());
@@ -434,6 +436,7 @@ void Runner::write_trace(const std::string& path) const {
 }
 
 void Runner::note_elements() {
+  if (mechanism_->linear) return;  // which knows no large strains
   for (const BuiltBody& body : mechanism_->bodies) {
     if (compressed_.count(body.spec.name) > 0) continue;
     const std::optional<std::string> notice = compression_notice(body, current().q);
@@ -480,7 +483,11 @@ void Runner::finish() {
   summary_.predicted_bytes = record_.analysis.predicted_bytes;
   summary_.peak_bytes = record_.factor.peak_host_bytes;
   summary_.dumped = record_.dumped;
-  summary_.energy_end = to_public(mechanism_->system.energy(current().view()));
+  summary_.energy_end = mechanism_->linear
+                            ? SimulationEnergy{0, mechanism_->linear->energy([this](const State& at_load) {
+                                                 return mechanism_->system.energy(at_load.view()).potential;
+                                               })}
+                            : to_public(mechanism_->system.energy(current().view()));
   if (balance_) {
     summary_.energy_work = balance_->work();
     summary_.energy_gain = balance_->gain();

@@ -74,6 +74,8 @@ class Runner {
   void describe_system();
   void find_equilibrium(const ConsistencyOptions& consistency);  ///< at the start of a motion
   void run_statics(const SimulationObserver& observer);
+  void run_linear_statics(const SimulationObserver& observer);  ///< runner_linear.cpp
+  void begin_statics_files();
   void note_statics(const StaticsResult& result);
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it

@@ -19,8 +19,10 @@ void Runner::respond() {
   std::optional<double> load;
   if (model_.statics) load = load_;
   const bool equilibrium = model_.statics.has_value() || model_.initial.statics;
-  response_ = run_harmonic(
-      {spec, *mechanism_, *equations_, current(), std::move(quantities), load, equilibrium, modes_solver_});
+  std::function<void(State&)> share;
+  if (!guard_->redundant().empty()) share = [this](State& s) { guard_->share_reactions(s); };
+  response_ = run_harmonic({spec, *mechanism_, *equations_, current(), std::move(quantities), load, equilibrium,
+                            modes_solver_, std::move(share)});
   const HarmonicResult& r = response_.response;
   summary_.notices.insert(summary_.notices.end(), response_.notices.begin(), response_.notices.end());
   summary_.harmonic_points = static_cast<Index>(r.points.size());

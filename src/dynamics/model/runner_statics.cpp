@@ -34,14 +34,17 @@ void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
   }
 }
 
+void Runner::begin_statics_files() {
+  const Phase output("output", summary_.phases.output, trace_.get());
+  files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
+  const Sample s = sample(last_report_);
+  files_->begin(s, state_, false);
+  begin_keeping(s, state_);
+}
+
 void Runner::run_statics(const SimulationObserver& observer) {
-  {
-    const Phase output("output", summary_.phases.output, trace_.get());
-    files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
-    const Sample s = sample(last_report_);
-    files_->begin(s, state_, false);
-    begin_keeping(s, state_);
-  }
+  if (model_.linear()) return run_linear_statics(observer);
+  begin_statics_files();
   const auto each = [&](const StaticsStep& step, const State& state) {
     state_ = state;
     load_ = step.load;
@@ -127,6 +130,10 @@ std::string Runner::explain_statics(const Error& error) {
     text += fmt::format("; whether something holds the {} bodies that hang together was not looked at", unseen);
   for (const BuiltBody& body : mechanism_->bodies)
     if (!body.pieces.empty()) text += fmt::format("; '{}': {}", body.spec.name, body.pieces);
+  if (model_.statics && error.status().code == StatusCode::accuracy_not_reached)
+    text +=
+        "; where displacements are to be small, linear = true in [statics] takes stiffness, loads and joints as they "
+        "are at the start, and needs no path";
   return text;
 }
 

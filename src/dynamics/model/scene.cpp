@@ -195,6 +195,13 @@ const std::vector<double>& Scene::contact_pressure(const State& s) {
 }
 
 const std::vector<double>& Scene::von_mises(const State& s) {
+  const LinearResponse* linear = mechanism_.linear.get();
+  if (linear == nullptr) return plain_von_mises(s);
+  const double share = linear->load() != 0 ? s.t / linear->load() : 1;
+  return von_mises_ = linear->of([this](const State& at_load) { return plain_von_mises(at_load); }, share);
+}
+
+const std::vector<double>& Scene::plain_von_mises(const State& s) {
   std::size_t cell = 0;
   std::vector<double> reference, position;
   for (const BuiltBody& body : mechanism_.bodies) {

@@ -21,7 +21,8 @@ class Scene {
   void place(const State& s);
   [[nodiscard]] const std::vector<double>& points() const { return points_; }  ///< 3 per point; so are velocities
   [[nodiscard]] const std::vector<double>& velocity() const { return velocity_; }
-  /// Of each cell: Cauchy stress in the middle of solids of elements, 0 elsewhere.
+  /// Of each cell: Cauchy stress in the middle of solids of elements, 0 elsewhere; in linear statics to first order, at
+  /// the part of the loads that is the time of the state.
   const std::vector<double>& von_mises(const State& s);
   /// Of each point: pressure of contact at nodes of solids, 0 elsewhere. Empty where no solid has contacts.
   const std::vector<double>& contact_pressure(const State& s);
@@ -29,6 +30,7 @@ class Scene {
   [[nodiscard]] double extent_over_speed(const State& s);
 
  private:
+  const std::vector<double>& plain_von_mises(const State& s);
   void add_rigid(const BuiltBody& body);
   void add_box(const BuiltBody& body);
   void add_solid(const BuiltBody& body);

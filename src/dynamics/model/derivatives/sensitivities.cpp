@@ -73,6 +73,9 @@ class SensitivityRun {
                               "sensitivities of equilibria do not pass contacts with friction yet, whose forces "
                               "depend on the way there");
     }
+    if (model.linear())
+      dynamics::model::fail(model.statics->place,
+                            "sensitivities do not know linear statics yet: take linear out, and loads that are small");
     statics_ = model.statics.has_value();
     modes_ = model.initial.modes;
     rests_ = model.initial.statics;
