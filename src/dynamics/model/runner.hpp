@@ -20,6 +20,7 @@
 #include "dynamics/model/newton_solver.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/model/run_files.hpp"
+#include "dynamics/steady/rotating_system.hpp"
 #include "espalier/dynamics.hpp"
 #include "espalier/model_harmonic.hpp"
 
@@ -74,6 +75,10 @@ class Runner {
   void describe_system();
   void find_equilibrium(const ConsistencyOptions& consistency);  ///< at the start of a motion
   void run_statics(const SimulationObserver& observer);
+  /// What statics solves: the model's equations, or those of bodies that turn steadily, where [initial] rotation says
+  /// so.
+  [[nodiscard]] Equations& static_equations();
+  void turn_steadily();  ///< velocities and accelerations of that rotation, in an equilibrium
   void note_statics(const StaticsResult& result);
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it
@@ -120,6 +125,8 @@ class Runner {
   SolverRecord record_;
   std::unique_ptr<PhaseTrace> trace_;
   std::unique_ptr<Equations> equations_;
+  std::unique_ptr<RotatingSystem> rotating_;            // of statics, with [initial] rotation
+  std::unique_ptr<Equations> rotating_equations_;
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;
