@@ -20,6 +20,7 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/matrix_market.hpp"
 #include "matrix/read.hpp"
+#include "model_modes.hpp"
 #include "pencil_command.hpp"
 #include "quadratic_modes.hpp"
 #include "solver/build_info.hpp"
@@ -34,12 +35,14 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct ModesCommand {
-  std::string k_file, m_file, damping_file, generator, out_file, csv_file, report_file;
+  std::string k_file, m_file, damping_file, generator, out_file, csv_file, report_file, speeds, over;
+  std::vector<std::string> set;
   ModesOptions options;
   SolverFlags flags;
   bool buckling = false, json = false, quiet = false, verbose = false, no_proof = false, trust_mass = false;
 
   int run();
+  int run_model();
   int run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool);
   [[nodiscard]] std::pair<SparseMatrix, SparseMatrix> matrices(base::ThreadPool& pool) const;
 };
@@ -169,8 +172,27 @@ int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, ba
       r.count() > 0 ? quadratic_table(r) : "");
 }
 
+int ModesCommand::run_model() {
+  if (!m_file.empty() || !damping_file.empty() || !generator.empty() || !out_file.empty() || buckling ||
+      !std::isinf(options.below))
+    throw Error(StatusCode::invalid_input,
+                "modes of a model: it needs no second matrix, and --damping, --generate, --buckling, --below and --out "
+                "do not go with it");
+  check_outputs({{"MODEL", k_file}}, {{"--csv", csv_file}, {"--report", report_file}});
+  ModelModesCommand command{k_file, speeds, over, csv_file, static_cast<int>(options.count), {},
+                            {json, quiet, report_file}};
+  command.options.set = set;
+  for (const auto& [key, value] : flags.values()) command.options.solver.emplace_back(key, value);
+  command.options.interrupted = stop_was_asked;
+  const StopSignals signals;
+  return run_model_modes(command);
+}
+
 int ModesCommand::run() {
   expect_one_process("modes");
+  if (k_file.ends_with(".toml")) return run_model();
+  if (!speeds.empty() || !over.empty() || !set.empty())
+    throw Error(StatusCode::invalid_input, "--speeds, --over and --set are of a model: give a file MODEL.toml");
   refuse_chosen_flags(flags, "modes choose");
   options.solver = flags.options();
   options.prove = !no_proof;
@@ -231,11 +253,19 @@ void add_search(CLI::App& sub, ModesCommand& command) {
 
 void add_modes(CLI::App& app, Action& action) {
   auto command = std::make_shared<ModesCommand>();
-  CLI::App* sub = app.add_subcommand("modes", "The lowest modes of K x = l M x (docs/use/modes.md)");
-  add_file(*sub, "K", command->k_file, "the stiffness: Matrix Market or Rutherford-Boeing, also .gz");
+  CLI::App* sub = app.add_subcommand("modes", "The lowest modes of K x = l M x, or of a model (docs/use/modes.md)");
+  add_file(*sub, "K", command->k_file, "the stiffness: Matrix Market or Rutherford-Boeing, also .gz; or MODEL.toml");
   add_file(*sub, "M", command->m_file, "the mass; with --buckling Kg");
   sub->add_option("--generate", command->generator, "both matrices: \"elasticity NX NY NZ\"")->type_name("\"SPEC\"");
   add_search(*sub, *command);
+  sub->add_option("--speeds", command->speeds, "of a model's [initial] rotation: a Campbell diagram")
+      ->type_name("BEGIN:END:STEP");
+  sub->add_option("--over", command->over, "of another number of a model, such as parameters.speed")
+      ->type_name("PATH=BEGIN:END:STEP");
+  sub->add_option("--set", command->set, "PATH=VALUE: a value of the model instead of the one in the file")
+      ->type_name("PATH=VALUE")
+      ->take_all()
+      ->allow_extra_args(false);
   add_file(*sub, "--damping", command->damping_file,
            "C of (l^2 M + l C + K) x = 0: the few modes nearest to the shift (default 6), of any real matrices");
   add_file(*sub, "--out", command->out_file, "write the shapes here, Matrix Market array, one column a mode");

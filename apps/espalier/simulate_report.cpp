@@ -136,7 +136,11 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                   {"critical", critical}};
   Json modes = Json::array();
   for (const SimulationMode& m : s.modes)
-    modes.push_back({{"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}});
+    modes.push_back({{"frequency", m.frequency},
+                     {"damping_ratio", m.damping_ratio},
+                     {"growth", m.growth},
+                     {"whirl", m.whirl},
+                     {"standing_frequency", number(m.standing_frequency)}});
   j["initial"]["modes"] = modes;
   Json peaks = Json::array();
   for (const SimulationPeak& p : s.peaks)

@@ -147,10 +147,17 @@ struct SimulationCritical {
   bool limit = true;  ///< limit point, where the load turns back; false: bifurcation, where the path goes straight on
 };
 
-/// A natural frequency of the system linearised at the start.
+/// A natural frequency of the system linearised at the start: about rest, or about a steady motion.
 struct SimulationMode {
-  double frequency = 0;      ///< per unit of time
+  double frequency = 0;      ///< per unit of time; in a steady motion as seen from the axes that a notice names
   double damping_ratio = 0;  ///< of critical damping
+  double growth = 0;         ///< amplitudes go with exp(growth t)
+  /// Of what circles about the axis of a steady rotation: 1 with it, -1 against it, between where paths are ellipses;
+  /// 0 on a line, or without such an axis. As seen from the axes of `frequency`.
+  double whirl = 0;
+  /// The frequency as seen from axes at rest, negative against the rotation: that of a path that is a circle, or of
+  /// what does not circle at all. NaN: there are two, frequency + n and frequency - n, n the turns per unit of time.
+  double standing_frequency = 0;
 };
 
 /// The highest amplitude of a quantity in the frequency response, see [harmonic] of a model.

@@ -10,6 +10,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "espalier/model_harmonic.hpp"
+#include "espalier/model_modes.hpp"
 #include "pencil.hpp"
 
 namespace espalier::python {
@@ -123,6 +124,34 @@ void bind_harmonic(nb::module_& m) {
         return nb::make_tuple(status_of(r.status), fields(r.response), r.quantities, r.loads, r.notices);
       },
       "text"_a, "is_path"_a, "set"_a, "out"_a, "solver"_a);
+  m.def(
+      "model_modes",
+      [](const std::string& text, bool is_path, const std::string& number, const std::vector<double>& values, int count,
+         std::vector<std::string> set, std::vector<std::pair<std::string, std::string>> solver) {
+        SimulationOptions o;
+        o.set = std::move(set);
+        o.solver = std::move(solver);
+        o.interrupted = &Host::interrupted;
+        o.interrupted_every = 0.1;
+        ModelModesResult r;
+        {
+          const nb::gil_scoped_release released;
+          r = is_path ? model_modes(text, number, values, count, o)
+                      : model_modes_of_text(text, "model", number, values, count, o);
+        }
+        if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
+        nb::list rows, notices;
+        for (const ModelModesPoint& p : r.points) {
+          for (std::size_t k = 0; k < p.modes.size(); ++k) {
+            const SimulationMode& mode = p.modes[k];
+            rows.append(nb::make_tuple(p.value, k + 1, mode.frequency, mode.damping_ratio, mode.growth, mode.whirl,
+                                       mode.standing_frequency));
+          }
+          for (const std::string& notice : p.notices) notices.append(nb::make_tuple(p.value, notice));
+        }
+        return nb::make_tuple(status_of(r.status), rows, notices);
+      },
+      "text"_a, "is_path"_a, "number"_a, "values"_a, "count"_a, "set"_a, "solver"_a);
 }
 
 }  // namespace espalier::python

@@ -124,12 +124,20 @@ nb::dict fields(const SimulationSummary& s) {
   d["statics_residual"] = s.statics_residual;
   d["statics_backward_error"] = s.statics_backward_error;
   d["turned"] = s.turned;
-  nb::list events, modes, critical;
+  nb::list events, modes, critical, growth, whirl, standing;
   for (const SimulationEvent& e : s.events) events.append(nb::make_tuple(e.name, e.t));
-  for (const SimulationMode& m : s.modes) modes.append(nb::make_tuple(m.frequency, m.damping_ratio));
+  for (const SimulationMode& m : s.modes) {
+    modes.append(nb::make_tuple(m.frequency, m.damping_ratio));
+    growth.append(m.growth);
+    whirl.append(m.whirl);
+    standing.append(m.standing_frequency);
+  }
   for (const SimulationCritical& c : s.critical) critical.append(nb::make_tuple(c.load, c.limit));
   d["events"] = events;
   d["modes"] = modes;
+  d["mode_growth"] = growth;
+  d["mode_whirl"] = whirl;
+  d["mode_standing_frequency"] = standing;
   d["critical"] = critical;
   d["energy_begin"] = nb::make_tuple(s.energy_begin.kinetic, s.energy_begin.potential);
   d["energy_end"] = nb::make_tuple(s.energy_end.kinetic, s.energy_end.potential);

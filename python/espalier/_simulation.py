@@ -162,6 +162,29 @@ class Model:
         return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
                               _checks.path(out, "out"), solver)
 
+    def modes_over(self, number: str, values: "Iterable[float]", count: int = 0, *,
+                   set: "Mapping[str, Any] | None" = None, **solver: Any) -> Any:
+        """Modes for each value of a number of the model, about its start: at rest, in the equilibrium of [initial]
+        statics or [statics], or about its steady motion. number: a path, "parameters.speed"; "initial.rotation.speed"
+        makes a Campbell diagram, and changes the parameter that stands there, if one does. count: of modes; 0: as many
+        as [initial] modes says, or 6. Returns a NumPy array with the fields value, mode, frequency, damping_ratio,
+        growth, whirl and standing_frequency (docs/use/modes.md), a row for each mode. set and solver: as for Simulation.
+        Raises what a Simulation raises. Nothing moves."""
+        import numpy as np
+
+        from . import _core
+        from ._errors import make_error
+        from ._toml import _value
+
+        names = ("value", "mode", "frequency", "damping_ratio", "growth", "whirl", "standing_frequency")
+        status, rows, _ = _core.model_modes(
+            self._path if self._path is not None else self.text, self._path is not None, number,
+            _checks.reals(values, "values"), _checks.whole(count, "count"),
+            [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.options(solver))
+        if status[0] != 0:
+            raise make_error(*status)
+        return np.array(rows, dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names])
+
     def __repr__(self) -> str:
         if self._path is not None:
             return f"<espalier.Model of {self._path}>"

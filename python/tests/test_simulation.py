@@ -471,3 +471,34 @@ class TestDae:
         reached = dae.t
         dae.integrate(1)
         assert reached <= 0.05 and dae.t == 1 and sum(dae.energy()) == pytest.approx(0, abs=1e-2)
+
+
+def test_modes_over_the_speed():
+    model = esp.Model(initial={"modes": 8, "rotation": {"axis": [0, 0, 1], "speed": 0, "bodies": ["disc"]}}, integrator={"end": 1e-3})
+    model.body("disc", mass=20, inertia=[0.5, 0.5, 0.9])
+    model.body("housing", mass=1, inertia=[0.05, 0.05, 0.05])
+    model.joint("bearing", "revolute", bodies=["housing", "disc"], at=[0, 0, 0], axis=[0, 0, 1])
+    model.force("mount", "bushing", bodies=["ground", "housing"], at=[0, 0, 0], stiffness=[4e5, 4e5, 9e5],
+                angular_stiffness=[3e3, 3e3, 5e3])
+    speeds = [100.0, 300.0]
+    table = model.modes_over("initial.rotation.speed", speeds)
+    for speed in speeds:  # 0.55 w^2 -+ 0.9 speed w - 3000 = 0
+        half = 0.9 * speed / 1.1
+        forward = half + math.sqrt(half**2 + 3e3 / 0.55)
+        rows = table[table["value"] == speed]
+        nearest = rows[np.argmin(abs(2 * math.pi * rows["frequency"] - forward))]
+        assert abs(2 * math.pi * nearest["frequency"] / forward - 1) < 1e-9
+        assert nearest["whirl"] > 0.999 and abs(nearest["growth"]) < 1e-6
+    with pytest.raises(ValueError, match="parameters.none"):
+        model.modes_over("parameters.none.x", [1])
+    with pytest.raises(TypeError, match="values"):
+        model.modes_over("initial.rotation.speed", ["fast"])
+    run = esp.Simulation(model).run()
+    assert len(run.summary["mode_whirl"]) == len(run.summary["modes"])
+
+
+def test_rolling():
+    model = esp.Model(gravity=[3, 0, -9], integrator={**BDF, "end": 1.0}, output={"quantities": ["rolls.longitudinal_force"]})
+    model.body("disc", mass=2, inertia=[0.045, 0.09, 0.045], position=[0, 0, 0.3])
+    model.joint("rolls", "rolling", a={"body": "ground", "axis": [0, 0, 1]}, b={"body": "disc", "axis": [0, 1, 0]}, radius=0.3)
+    assert abs(model.run()["rolls.longitudinal_force"][-1] + 2) < 1e-6

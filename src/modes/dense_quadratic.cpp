@@ -204,6 +204,15 @@ struct Linearized {
 
 }  // namespace
 
+MatrixXd dense_of(const SparseMatrix& a) {
+  MatrixXd out = MatrixXd::Zero(a.rows, a.cols);
+  for (Index j = 0; j < a.cols; ++j)
+    for (auto p = static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j)]);
+         p < static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(j) + 1]); ++p)
+      out(a.row_ind[p], j) += a.values[p];
+  return out;
+}
+
 DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
   const Reduced reduced(k, c, m, shift);
   const MatrixXd rk = reduced.k(), rc = reduced.c(), rm = reduced.m();

@@ -5,7 +5,12 @@
 #include <Eigen/Dense>
 #include <complex>
 
+#include "espalier/matrix.hpp"
+
 namespace espalier::modes {
+
+/// A matrix of general storage, entries of the same place added up.
+Eigen::MatrixXd dense_of(const SparseMatrix& a);
 
 struct DenseQuadraticModes {
   Eigen::VectorXcd eigenvalues;  ///< finite ones by distance from the shift; of a conjugate pair the one above the axis

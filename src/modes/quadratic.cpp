@@ -29,14 +29,6 @@ SparseMatrix sum_of(double alpha, const SparseMatrix& a, double beta, const Spar
   return out;
 }
 
-Eigen::MatrixXd dense_of(const SparseMatrix& a) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.rows, a.cols);
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset p = a.col_ptr[slot(j)]; p < a.col_ptr[slot(j) + 1]; ++p)
-      out(a.row_ind[slot(p)], j) += a.values[slot(p)];
-  return out;
-}
-
 template <class Vector>
 Vector product(const SparseMatrix& a, const Vector& x) {
   Vector y = Vector::Zero(a.rows);

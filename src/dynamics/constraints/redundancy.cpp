@@ -31,8 +31,10 @@ class RowElimination {
         queued_(at(p.rows), 0),
         rank_of_(at(p.cols), -1) {}
 
-  std::vector<DependentRow> run() {
-    for (Index row = 0; row < p_.rows; ++row) eliminate(row);
+  std::vector<DependentRow> run(std::span<const Index> last) {
+    for (Index row = 0; row < p_.rows; ++row)
+      if (!std::binary_search(last.begin(), last.end(), row)) eliminate(row);
+    for (const Index row : last) eliminate(row);
     return std::move(dependent_);
   }
 
@@ -148,8 +150,8 @@ class RowElimination {
 }  // namespace
 
 std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values, double tolerance,
-                                              std::size_t most_partners) {
-  return RowElimination(phi_q, values, tolerance, most_partners).run();
+                                              std::size_t most_partners, std::span<const Index> last) {
+  return RowElimination(phi_q, values, tolerance, most_partners).run(last);
 }
 
 std::vector<double> RedundancyGuard::scaled_rows(double t, ConstSpan q, std::vector<double>& sizes) {
@@ -188,7 +190,8 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   constexpr std::size_t kMostPartners = 64;
   std::vector<double> sizes;
   std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(),
-                                                       scaled_rows(t, q, sizes), options_.tolerance, kMostPartners);
+                                                       scaled_rows(t, q, sizes), options_.tolerance, kMostPartners,
+                                                       equations_.system().non_holonomic());
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }
@@ -279,10 +282,12 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
 void RedundancyGuard::share_reactions(State& state) {
   constexpr std::size_t kMostLeftOut = 200, kMostRows = 3000;
   constexpr double kDependent = 1e-6;  // looser than for the decision: joints do not hold exactly
+  constexpr std::size_t kAll = ~std::size_t{0};
   if (redundant_.empty() || redundant_.size() > kMostLeftOut) return;
   std::vector<double> sizes;
   const std::vector<double> values = scaled_rows(state.t, state.q, sizes);
-  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(), values, kDependent);
+  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(), values, kDependent,
+                                                       kAll, equations_.system().non_holonomic());
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row) || equations_.dropped()[at(d.row)] == 0; });
   if (rows.empty()) return;
   std::vector<Index> shared;  // rows that some left out one depends on, and those themselves

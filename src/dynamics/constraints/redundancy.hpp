@@ -23,9 +23,11 @@ struct DependentRow {
 /// loops that close far apart in the list it is the fill between them.
 /// `tolerance` 1e-8: well above round-off (1e-16 times the growth of the elimination), far below any lever arm that
 /// means something. `most_partners`: the combination of a row is followed back no further than that many rows.
+/// `last`: rows, ascending, whose turn comes after all others.
 [[nodiscard]] std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstSpan values,
                                                             double tolerance = 1e-8,
-                                                            std::size_t most_partners = ~std::size_t{0});
+                                                            std::size_t most_partners = ~std::size_t{0},
+                                                            std::span<const Index> last = {});
 
 /// What is known of a redundant constraint.
 struct RedundantConstraint {
@@ -40,7 +42,8 @@ struct RedundancyOptions {
   double inconsistency = 1e-5;  ///< a constraint left out that is violated by more (of constraint_sizes()) is an error
 };
 
-/// Finds redundant constraints and keeps the equations free of them.
+/// Finds redundant constraints and keeps the equations free of them. Of a holonomic and a non-holonomic one, which says
+/// less, the latter is left out.
 class RedundancyGuard {
  public:
   RedundancyGuard(Equations& equations, RedundancyOptions options = {}) : equations_(equations), options_(options) {}

@@ -85,6 +85,17 @@ void Equations::evaluate_gamma(double t, ConstSpan q, ConstSpan v) {
   system_.constraints(t, q, v, {{}, {}, gamma_, {}});
 }
 
+void Equations::set_slip(ConstSpan rate, double time) {
+  const SparsePattern& p = system_.constraint_pattern();
+  for (const Index row : system_.non_holonomic()) {
+    const auto i = static_cast<std::size_t>(row);
+    double sum = -nu_[i];
+    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
+      sum += phi_q_[k] * rate[static_cast<std::size_t>(p.ind[k])];
+    phi_[i] = dropped_[i] ? 0 : sum * time;
+  }
+}
+
 void Equations::level(ConstSpan x, ConstSpan shift, Span out) const {
   if (out.empty()) return;
   multiply_by_rows(system_.constraint_pattern(), phi_q_, x, out, pool_);

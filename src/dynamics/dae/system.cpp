@@ -261,7 +261,10 @@ void AssembledSystem::finish() {
   w.add_diagonal();
   PatternBuilder f_lambda(sizes_.velocity, sizes_.constraints, true);
   declared_.clear();
+  non_holonomic_.clear();
   for (const auto& c : components_) {
+    for (Index r = 0; r < c->sizes().constraints; ++r)
+      if (c->non_holonomic(r)) non_holonomic_.push_back(c->placement().c + r);
     const Offset before = w.declared();
     c->declare(w, phi_q);
     declared_.push_back(w.declared() - before);

@@ -136,6 +136,10 @@ class System {
   [[nodiscard]] virtual Sizes sizes() const = 0;
   /// Name of a constraint equation for people, for instance: revolute "hinge-3", rotation about y.
   [[nodiscard]] virtual std::string constraint_name(Index row) const;
+  /// Constraint equations, ascending, that hold for velocities alone: A(q) v = nu with A in the place of Phi_q, nothing
+  /// on the position level (Phi = 0). There the integrators ask for the same of the displacement of a step; see
+  /// Equations::set_slip().
+  [[nodiscard]] virtual std::span<const Index> non_holonomic() const { return {}; }
   /// Name of a velocity coordinate for people.
   [[nodiscard]] virtual std::string coordinate_name(Index coordinate) const;
 
@@ -230,6 +234,8 @@ class Component {
   [[nodiscard]] const Placement& placement() const { return at_; }
   [[nodiscard]] virtual std::string constraint_name(Index local_row) const;
   [[nodiscard]] virtual std::string coordinate_name(Index local_coordinate) const;
+  /// Whether an equation holds for velocities alone; see System.
+  [[nodiscard]] virtual bool non_holonomic(Index /*local_row*/) const { return false; }
 
   /// Writes the initial values of its own coordinates.
   virtual void initial(Span q, Span v) const;
@@ -334,6 +340,7 @@ class AssembledSystem final : public System {
   [[nodiscard]] Sizes sizes() const override { return sizes_; }
   [[nodiscard]] std::string constraint_name(Index row) const override;
   [[nodiscard]] std::string coordinate_name(Index coordinate) const override;
+  [[nodiscard]] std::span<const Index> non_holonomic() const override { return non_holonomic_; }
   void retract(ConstSpan q, ConstSpan dq, Span q_out) const override;
   void local(ConstSpan base, ConstSpan q, Span theta) const override;
   void velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const override;
@@ -390,6 +397,7 @@ class AssembledSystem final : public System {
   std::vector<Component*> owners_of_constraints_;
   Sizes sizes_;
   SparsePattern w_pattern_, phi_q_pattern_, f_lambda_pattern_;
+  std::vector<Index> non_holonomic_;
   std::vector<Offset> host_entries_;
   std::optional<DeviceShare> share_;
   std::vector<Offset> declared_;  // components; entries of W that each of them declared

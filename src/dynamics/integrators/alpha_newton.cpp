@@ -63,6 +63,11 @@ void GeneralizedAlpha::reach() {
   carry({trial_.a, trial_.v});
 }
 
+void GeneralizedAlpha::constraints_of_trial() {
+  equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  equations_.set_slip(trial_.v, c_q_ / c_v_);
+}
+
 // From the axes of q_n to those of q_n (+) delta. Those of bodies on a GPU never turn.
 void GeneralizedAlpha::carry(std::initializer_list<Span> vectors) const {
   const std::span<const Span> all(vectors.begin(), vectors.size());
@@ -130,7 +135,7 @@ double GeneralizedAlpha::search_back(double before) {
     for_coordinates([&](std::size_t i) { a_step_[i] -= part * change_[i]; });
     for (std::size_t i = 0; i < trial_.lambda.size(); ++i) trial_.lambda[i] -= part * change_[delta_.size() + i];
     reach();
-    equations_.evaluate_constraints(trial_.t, trial_.q, {});
+    constraints_of_trial();
     equations_.motion(trial_.view(), f_);
     force = scaled_force(f_);
   }
@@ -152,7 +157,7 @@ GeneralizedAlpha::Change GeneralizedAlpha::iterate(StepReport& report, double be
   take_change(change, report);
   for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += rhs_[n + i];
   reach();
-  equations_.evaluate_constraints(trial_.t, trial_.q, {});
+  constraints_of_trial();
   return change;
 }
 

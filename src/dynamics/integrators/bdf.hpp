@@ -79,6 +79,8 @@ struct BdfOptions {
 /// which equals K [dq; mu] = [h' W (R1 + h' R2); -Phi] and so on, but needs no product with W. Every level is met at
 /// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
 /// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
+/// Non-holonomic constraints have no Phi: h' (Phi_q T(theta) theta_dot - nu) stands in its place, so that the formula of
+/// q slips as little as v does.
 /// Once q and v are as good as the error test asks for, what is left of the three levels is projected away without F.
 ///
 /// Where the factor and flexible bodies lie on a GPU, the vectors of this iteration, the history and the error test
@@ -187,6 +189,7 @@ class BdfIntegrator final : public Integrator {
   void iterate_projected(StepReport& report);
   void remove_weak_parts();
   void rates_of_formula();
+  void find_slip();
   void stage_residuals(const State& s);
   [[nodiscard]] bool constraints_hold(StepReport& report);
   [[nodiscard]] bool levels_of_motion_hold(double velocity, double acceleration);

@@ -88,6 +88,7 @@ void BdfIntegrator::full_residual(const State& s, std::vector<double>& out) {
   equations_.system().local(history_.q(0), s.q, theta_);
   equations_.evaluate_constraints(s.t, s.q, s.v);
   equations_.motion(s.view(), f_);
+  find_slip();
   stage_residuals(s);
   out.insert(out.end(), f_.begin(), f_.end());
   const auto keep = [&](ConstSpan values) {

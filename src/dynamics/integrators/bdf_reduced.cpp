@@ -31,6 +31,7 @@ void BdfIntegrator::project_stages() {
   const std::size_t m = level_.size();
   const double hp = formula_.hp, inverse = 1 / hp;
   rates_of_formula();
+  equations_.set_slip(r1_, hp);
   run(StageChanges{hp, inverse});
   see({&MotionArrays::dq, &MotionArrays::dv});
   if (m > 0) add_normal_part(equations_.phi(), &MotionArrays::dq);
@@ -68,6 +69,13 @@ void BdfIntegrator::solve_normal() {
   }
   fill_zero(equations_.pool(), Span(here.normal, n));
   equations_.solve(Span(here.normal, n + m), 1, 1);
+}
+
+// What the formula's rate of the trial position slips where velocities alone are bound.
+void BdfIntegrator::find_slip() {
+  if (!equations_.has_non_holonomic()) return;
+  rates_of_formula();
+  equations_.set_slip(r1_, formula_.hp);
 }
 
 // One pass of the reduced iteration; leaves the changes of q and v in dq_ and dv_. v and q get that part of da only
@@ -110,6 +118,7 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
 bool BdfIntegrator::constraints_hold(StepReport& report) {
   report.levels.motion = report.residual;
   if (level_.empty()) return true;
+  find_slip();
   report.levels.position = max_norm(equations_.phi());
   equations_.level(trial_.v, equations_.nu(), level_);
   report.levels.velocity = max_norm(level_);

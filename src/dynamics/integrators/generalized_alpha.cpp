@@ -132,7 +132,7 @@ bool GeneralizedAlpha::attempt_here(double h, bool renew, StepReport& report) {
   passes_of_factor_ = 0;
   failure_ = {};
   try {
-    equations_.evaluate_constraints(trial_.t, trial_.q, {});
+    constraints_of_trial();
     begin_factor(renew);
     Outcome outcome = solve(report);
     for (int round = 0; outcome == Outcome::converged && equations_.system().augment(trial_.view()); ++round)

@@ -191,6 +191,8 @@ void ForwardSensitivity::measure(Side& side, const SidePast past[2], Defects& ou
     }
     nominal_.system().velocity_of_rate(theta, rate, rate);
     for (std::size_t i = 0; i < n; ++i) out.chart[i] += sign * (s.v[i] - rate[i]);
+    e.set_slip(rate, hp_);
+    for (const Index i : e.system().non_holonomic()) out.position[at(i)] += sign * e.phi()[at(i)];
   }
 }
 

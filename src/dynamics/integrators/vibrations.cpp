@@ -77,14 +77,6 @@ Mode vibration_of(std::complex<double> e, const Eigen::VectorXcd& shape) {
   return {e, std::abs(e.imag()) / (2 * std::numbers::pi), modulus > 0 ? -e.real() / modulus : 0.0, real_shape(shape)};
 }
 
-Eigen::MatrixXd dense_of(const SparseMatrix& a) {
-  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(a.rows, a.cols);
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k)
-      out(a.row_ind[vibration_at(k)], j) += a.values[vibration_at(k)];
-  return out;
-}
-
 SparseMatrix magnitudes(SparseMatrix a) {
   for (double& v : a.values) v = std::abs(v);
   return a;
@@ -128,9 +120,9 @@ void find_undamped(Equations& equations, const TangentMatrices& a, Index count, 
   const SparseMatrix k = bordered(a.stiffness, phi, equations.phi_q(), rows);
   const Index n = a.mass.cols;
   if (solver == nullptr) {
-    Eigen::MatrixXd whole = dense_of(k);
+    Eigen::MatrixXd whole = espalier::modes::dense_of(k);
     whole = whole.selfadjointView<Eigen::Lower>();
-    const Eigen::MatrixXd m = dense_of(a.mass);
+    const Eigen::MatrixXd m = espalier::modes::dense_of(a.mass);
     const modes::DenseModes found = modes::dense_modes(whole, (m + m.transpose()) / 2, count);
     out.l = found.eigenvalues;
     out.x = found.vectors;

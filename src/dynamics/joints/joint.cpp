@@ -15,6 +15,12 @@ namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
+void evaluate_term(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, bool rates,
+                   RelativeValue& out) {
+  if (!term.rolling) return evaluate(term.kind, term.i, term.j, a, b, rates, out);
+  evaluate(*term.rolling, static_cast<RollingDirection>(term.i), a, b, rates, out);
+}
+
 }  // namespace
 
 Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Frame>> frames, std::vector<JointRow> rows)
@@ -30,10 +36,11 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
     driven_ = driven_ || row.driven;
     for (const JointRow::Term& term : row.terms) {
       counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
-      couples_translation = couples_translation || curves_in_translation(term.kind);
-      couples_rotation = couples_rotation || term.kind == Relative::dot || term.kind == Relative::angle;
-      const bool turns_a = term.kind != Relative::global && term.kind != Relative::distance;
-      const bool turns_b = term.kind == Relative::dot || term.kind == Relative::angle;
+      const bool rolls = term.rolling.has_value();
+      couples_translation = couples_translation || rolls || curves_in_translation(term.kind);
+      couples_rotation = couples_rotation || rolls || term.kind == Relative::dot || term.kind == Relative::angle;
+      const bool turns_a = rolls || (term.kind != Relative::global && term.kind != Relative::distance);
+      const bool turns_b = rolls || term.kind == Relative::dot || term.kind == Relative::angle;
       if ((turns_a && !frames_.at(at(term.a)).frame->has_rotation()) ||
           (turns_b && !frames_.at(at(term.b)).frame->has_rotation())) {
         throw std::invalid_argument(
@@ -106,7 +113,7 @@ void Joint::bind_rigid_pair(const SparsePattern& w) {
   if (!a || !b || (b->side.v >= 0 && a->side.v >= b->side.v)) return;
   std::vector<RigidPair::Row> rows;
   for (const JointRow& row : rows_) {
-    if (row.terms.size() != 1 || row.measure_offset) return;
+    if (row.terms.size() != 1 || row.measure_offset || row.terms.front().rolling) return;
     const JointRow::Term& term = row.terms.front();
     if (!RigidPair::knows(term.kind) || term.factor != 1 || term.a != 0 || term.b != 1) return;
     const bool global = term.kind == Relative::global;
@@ -155,7 +162,7 @@ void Joint::accept(const StateView& s) {
 void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, Sum& sum) const {
   const JointRow::Term& term = rows_[r].terms[k];
   const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
-  evaluate(term.kind, term.i, term.j, a, b, rates, value);
+  evaluate_term(term, a, b, rates, value);
   const bool counted = term.kind == Relative::angle && rows_[r].terms.size() > 1;
   sum.phi += term.factor * (counted ? turns_[r][k].unwrapped(value.value, sum.t) : value.value);
   if (!rates) return;
@@ -229,7 +236,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
     if (row.driven) phi -= row.function.value(t);
     // A driven angle means the same angle plus any number of turns.
     if (row.terms.size() == 1 && row.terms[0].kind == Relative::angle) phi -= kTwoPi * std::round(phi / kTwoPi);
-    if (!out.phi.empty()) out.phi[global] = phi;
+    if (!out.phi.empty()) out.phi[global] = row.of_velocity ? 0 : phi;
     if (!out.nu.empty()) out.nu[global] = row.driven ? row.function.rate(t) : 0.0;
     if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - sum.curvature;
   }
@@ -262,9 +269,12 @@ FrameBlocks::Derivatives Joint::derivatives(const StateView& s, double weight) c
     if (lambda == 0) continue;
     for (const JointRow::Term& term : rows_[r].terms) {
       const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
-      evaluate(term.kind, term.i, term.j, a, b, false, value);
+      evaluate_term(term, a, b, false, value);
       Mat12 k = Mat12::Zero();
-      add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
+      if (term.rolling)
+        add_curvature(*term.rolling, static_cast<RollingDirection>(term.i), a, b, lambda * term.factor, k);
+      else
+        add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
       for (const auto& [p, bp] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}}) {
         sum.wrench.segment<6>(p) += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + bp);
         for (const auto& [g, bg] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}})
@@ -320,7 +330,7 @@ Wrench Joint::reaction(const StateView& s, int f) const {
     for (const JointRow::Term& term : rows_[r].terms) {
       if (term.a != f && term.b != f) continue;
       const FrameMotion a = frame_motion(s.q, {}, term.a), b = frame_motion(s.q, {}, term.b);
-      evaluate(term.kind, term.i, term.j, a, b, false, value);
+      evaluate_term(term, a, b, false, value);
       sum -= lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + (term.b == f ? 6 : 0));
     }
   }
@@ -330,7 +340,7 @@ Wrench Joint::reaction(const StateView& s, int f) const {
 double Joint::coordinate(ConstSpan q, int row) const {
   const JointRow::Term& term = rows_.at(at(row)).terms.at(0);
   RelativeValue value;
-  evaluate(term.kind, term.i, term.j, frame_motion(q, {}, term.a), frame_motion(q, {}, term.b), false, value);
+  evaluate_term(term, frame_motion(q, {}, term.a), frame_motion(q, {}, term.b), false, value);
   return value.value;
 }
 

@@ -10,6 +10,7 @@
 #include "dynamics/dae/frame_blocks.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/joints/rigid_pair.hpp"
+#include "dynamics/joints/rolling.hpp"
 #include "dynamics/joints/time_function.hpp"
 #include "dynamics/joints/turn_counter.hpp"
 
@@ -22,6 +23,7 @@ struct JointRow {
     int i = 0, j = 0;  ///< axes (see Relative)
     int a = 0, b = 1;  ///< frames of the joint
     double factor = 1;
+    std::optional<RollingShape> rolling{};  ///< its coordinate in the direction i, instead of `kind`
   };
   std::string label;  ///< for people: "rotation about y"
   std::vector<Term> terms;
@@ -29,6 +31,7 @@ struct JointRow {
   TimeFunction function;
   bool driven = false;          ///< function is in use
   bool measure_offset = false;  ///< take the value at the first evaluation as the offset
+  bool of_velocity = false;     ///< it holds for the rates of the terms alone: non-holonomic
 };
 
 /// The force and moment that a joint exerts on a frame, at the frame's origin, in global axes.
@@ -64,6 +67,9 @@ class Joint final : public Component, public Switching {
 
   [[nodiscard]] Sizes sizes() const override { return {0, 0, static_cast<Index>(rows_.size())}; }
   [[nodiscard]] std::string constraint_name(Index local_row) const override;
+  [[nodiscard]] bool non_holonomic(Index local_row) const override {
+    return rows_.at(static_cast<std::size_t>(local_row)).of_velocity;
+  }
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
   void residual(const StateView& s, Span f) override;
@@ -138,6 +144,8 @@ using FramePtr = std::unique_ptr<Frame>;
 /// need their own revolute joints.
 [[nodiscard]] std::unique_ptr<Joint> gear_joint(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
                                                 double ratio);
+/// Frame B stays on the plane z = 0 of frame A and rolls there without slip; an edge glides along itself.
+[[nodiscard]] std::unique_ptr<Joint> rolling_joint(std::string name, FramePtr a, FramePtr b, const RollingShape& shape);
 /// Rack and pinion: displacement of D along z_C = radius * angle of B about z_A + const (as at the first evaluation).
 [[nodiscard]] std::unique_ptr<Joint> rack_and_pinion(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
                                                      double radius);

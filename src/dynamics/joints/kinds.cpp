@@ -161,6 +161,21 @@ std::unique_ptr<Joint> gear_joint(std::string name, FramePtr a, FramePtr b, Fram
                 {Relative::angle, 0, 0, 0, 1, ratio}, {Relative::angle, 0, 0, 2, 3, 1.0});
 }
 
+std::unique_ptr<Joint> rolling_joint(std::string name, FramePtr a, FramePtr b, const RollingShape& shape) {
+  std::vector<JointRow> rows;
+  const auto add = [&](const char* label, RollingDirection direction) {
+    JointRow::Term term;
+    term.i = static_cast<int>(direction);
+    term.rolling = shape;
+    rows.push_back(row(label, term));
+    rows.back().of_velocity = direction != RollingDirection::normal;
+  };
+  add("height above the plane", RollingDirection::normal);
+  if (!shape.edge) add(shape.directed() ? "longitudinal slip" : "slip along x", RollingDirection::longitudinal);
+  add(shape.directed() ? "lateral slip" : "slip along y", RollingDirection::lateral);
+  return make(shape.edge ? "skate" : "rolling", std::move(name), std::move(a), std::move(b), std::move(rows));
+}
+
 std::unique_ptr<Joint> rack_and_pinion(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
                                        double radius) {
   return couple("rack and pinion", std::move(name), {std::move(a), std::move(b), std::move(c), std::move(d)},

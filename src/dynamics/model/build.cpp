@@ -137,6 +137,9 @@ class Builder {
         return gear_joint(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
       case JointType::rack_and_pinion:
         return rack_and_pinion(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
+      case JointType::rolling:
+      case JointType::skate:
+        return rolling_joint(j.name, std::move(f[0]), std::move(f[1]), j.rolling);
     }
     throw std::logic_error("a type of joint is missing in the builder");
   }

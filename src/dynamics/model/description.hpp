@@ -25,6 +25,7 @@
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/statics.hpp"
+#include "dynamics/joints/rolling.hpp"
 #include "dynamics/meshers/tyre.hpp"
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
@@ -190,7 +191,9 @@ enum class JointType {
   translation_motor,
   prescribed,
   gear,
-  rack_and_pinion
+  rack_and_pinion,
+  rolling,
+  skate
 };
 [[nodiscard]] const std::vector<std::string>& joint_type_names();
 
@@ -212,6 +215,7 @@ struct JointSpec {
   JointType type = JointType::fixed;
   std::vector<MarkerSpec> frames;      ///< two, or four of gear and rack-and-pinion
   double parameter = 0;                ///< length, ratio or radius
+  RollingShape rolling;                ///< of rolling and skate
   bool measured = false;               ///< the length is the initial distance
   int axis = 0;                        ///< of prescribed
   std::optional<Expression> function;  ///< of motors
@@ -351,8 +355,19 @@ struct StaticsSpec {
   bool operator==(const StaticsSpec&) const = default;
 };
 
+/// A steady rotation that bodies begin with, in addition to their own velocities.
+struct RotationSpec {
+  Place place;
+  Vec3 axis = Vec3::UnitZ();  ///< of length one
+  Vec3 point = Vec3::Zero();  ///< on the axis
+  double speed = 0;           ///< rad per unit of time
+  std::vector<std::string> bodies;
+  bool operator==(const RotationSpec&) const = default;
+};
+
 struct InitialSpec {
   Place place;
+  std::optional<RotationSpec> rotation;
   bool statics = false;  ///< the motion begins at rest in equilibrium
   StaticsOptions statics_options;
   bool project_velocities = false;  ///< given velocities may be changed to fit the constraints
@@ -422,6 +437,8 @@ struct Description {
   [[nodiscard]] bool linear() const { return statics && statics->options.path == StaticPath::linear; }
 };
 
+/// Gives bodies the velocities of [initial] rotation.
+void set_rotation(Description& model);
 /// Reads an expanded text (see expand()). @throws Error(invalid_input) "file:line: path: what to do"
 [[nodiscard]] Description read_description(const Value& root, const std::string& file);
 

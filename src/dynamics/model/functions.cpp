@@ -27,6 +27,19 @@ bool slides_along_z(const Joint& joint) {
   return joint.kind() == "prismatic" || joint.kind() == "cylindrical" || joint.kind() == "translation motor";
 }
 
+/// A multiplier with the other sign: the force on frame b in the direction of the row.
+class RowForceFunction final : public StateFunction {
+ public:
+  explicit RowForceFunction(Index row) : row_(row) { multipliers_.push_back(row); }
+  [[nodiscard]] double value(const StateView& s) const override { return -s.lambda[static_cast<std::size_t>(row_)]; }
+
+ protected:
+  void add_gradient(const StateView& /*s*/, StateGradient& out) const override { out.lambda[0] -= 1; }
+
+ private:
+  Index row_;
+};
+
 Offer of_joint(const Joint& joint, const JointContacts* contacts) {
   Offer offer{{{"force", reaction_of(joint, 1, false)}, {"moment", reaction_of(joint, 1, true)}}, {}};
   const auto relative = [&](const char* value, const char* rate, Relative kind, int axis, const TurnCounter* turns) {
@@ -36,6 +49,13 @@ Offer of_joint(const Joint& joint, const JointContacts* contacts) {
   };
   if (joint.spin()) relative("angle", "angular_speed", Relative::angle, 0, &*joint.spin());
   if (slides_along_z(joint)) relative("displacement", "speed", Relative::along, 2, nullptr);
+  for (std::size_t r = 0; r < joint.rows().size(); ++r) {
+    static const char* const kNames[] = {"longitudinal_force", "lateral_force", "normal_force"};
+    const JointRow::Term& term = joint.rows()[r].terms.front();
+    if (!term.rolling) continue;
+    offer.scalars.emplace_back(kNames[term.i],
+                               std::make_shared<RowForceFunction>(joint.placement().c + static_cast<Index>(r)));
+  }
   if (contacts == nullptr) return offer;
   for (const auto& [name, force] :
        {std::pair{"stop_force", contacts->stop}, std::pair{"stop_moment", contacts->angle_stop},

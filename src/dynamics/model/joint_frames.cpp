@@ -69,6 +69,21 @@ bool is_set(const MarkerSpec& m) {
   return !m.face.empty() || m.bore.has_value() || !m.nodes.empty() || !m.edge.empty();
 }
 
+/// Plane and wheel have axes of their own, which neither can take from the other.
+void check_rolling(const JointSpec& j) {
+  const bool wheel = j.type == JointType::rolling && j.rolling.directed(), skate = j.type == JointType::skate;
+  if (j.type != JointType::rolling && !skate) return;
+  if (!j.frames[0].axis_given)
+    throw std::invalid_argument(
+        "needs the plane: give axis = [x, y, z] in frame 'a', the normal towards what rolls (\"rolling\") or glides "
+        "(\"skate\") on it");
+  if (wheel && !j.frames[1].axis_given)
+    throw std::invalid_argument("needs the wheel's axle: give axis = [x, y, z] in frame 'b' (a ball: shape = \"ball\")");
+  if (skate && !j.frames[1].axis_given)
+    throw std::invalid_argument(
+        "needs the direction of the edge: give axis and x_axis = [x, y, z] in frame 'b'; it glides along x_axis");
+}
+
 std::string face_name(const MarkerSpec& m) {
   return fmt::format("{} of '{}'",
                      !m.face.empty()    ? fmt::format("face '{}'", m.face)
@@ -123,6 +138,7 @@ JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Me
   if (joint.attach != Attach::automatic && !face)
     throw std::invalid_argument("'attach' says how a face is held, and none of the joint's frames is one");
   complete_axes(out, joint_type_names()[static_cast<std::size_t>(joint.type)], frames);
+  check_rolling(out);
   return out;
 }
 

@@ -116,6 +116,15 @@ Columns of_run(const std::string& object) {
            {"error", [](const Sample& s) { return s.report.error; }}}};
 }
 
+void add_joint_columns(const Joint& joint, Columns& columns) {
+  columns.scalars.emplace_back("coordinate", [&joint](const Sample& s) { return joint.coordinate(s.state->q, 0); });
+  const JointRow::Term& term = joint.rows().front().terms.front();
+  if (!term.rolling) return;
+  columns.vectors.emplace_back("contact_point", [&joint, shape = *term.rolling](const Sample& s) {
+    return rolling_contact(shape, joint.frame_motion(s.state->q, {}, 0), joint.frame_motion(s.state->q, {}, 1));
+  });
+}
+
 Columns find_columns(Mechanism& mechanism, const std::string& object, const std::string& request, const Place& place) {
   if (object == "energy") return of_energy(mechanism);
   if (object == "constraints" || object == "step") return of_run(object);
@@ -137,8 +146,7 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
     columns.vectors.emplace_back("acceleration", acceleration_of(std::make_shared<PointFrame>(*body->point)));
   if (const auto it = mechanism.markers.find(object); it != mechanism.markers.end())
     columns.vectors.emplace_back("acceleration", acceleration_of({std::shared_ptr<const Frame>(), it->second.get()}));
-  if (const Joint* joint = mechanism.joint(object))
-    columns.scalars.emplace_back("coordinate", [joint](const Sample& s) { return joint->coordinate(s.state->q, 0); });
+  if (const Joint* joint = mechanism.joint(object)) add_joint_columns(*joint, columns);
   return columns;
 }
 
@@ -161,6 +169,9 @@ std::string dimension_of(const std::string& object, const std::string& what) {
                                                                  {"friction_force", "force"},
                                                                  {"friction_moment", "force*length"},
                                                                  {"stop_force", "force"},
+                                                                 {"longitudinal_force", "force"},
+                                                                 {"lateral_force", "force"},
+                                                                 {"contact_point", "length"},
                                                                  {"stop_moment", "force*length"},
                                                                  {"pressure", "force/length^2"},
                                                                  {"normal_force", "force"},

@@ -79,6 +79,20 @@ double read_measure(Section& s, const std::string& key, bool& measured) {
   return measured ? 0.0 : s.number(key);
 }
 
+RollingShape read_rolling(Section& s) {
+  RollingShape shape;
+  const bool ball = s.choice("shape", {"wheel", "ball"}, 0) == 1;
+  (ball ? shape.rim : shape.radius) = s.positive("radius");
+  if (ball && s.has("rim")) fail(s.place("rim"), "a ball has no rim; its radius says all");
+  if (!ball && s.has("rim")) {
+    shape.rim = s.positive("rim");
+    shape.radius -= shape.rim;
+    if (!(shape.radius > 0))
+      fail(s.place("rim"), "must be less than 'radius', which reaches to the outside of the tyre; take shape = \"ball\"");
+  }
+  return shape;
+}
+
 JointSpec read_joint(const std::string& name, const Value& value) {
   Section s(value);
   JointSpec j;
@@ -101,6 +115,12 @@ JointSpec read_joint(const std::string& name, const Value& value) {
       break;
     case JointType::rack_and_pinion:
       j.parameter = s.number("radius");
+      break;
+    case JointType::rolling:
+      j.rolling = read_rolling(s);
+      break;
+    case JointType::skate:
+      j.rolling.edge = true;
       break;
     case JointType::prescribed:
       j.axis = s.choice("direction", {"x", "y", "z"});
@@ -213,7 +233,7 @@ const std::vector<std::string>& joint_type_names() {
   static const std::vector<std::string> names = {
       "fixed",      "revolute",      "spherical",      "universal",          "cylindrical",    "prismatic",
       "planar",     "point-on-line", "distance",       "revolute-spherical", "rotation-motor", "translation-motor",
-      "prescribed", "gear",          "rack-and-pinion"};
+      "prescribed", "gear",          "rack-and-pinion", "rolling", "skate"};
   return names;
 }
 

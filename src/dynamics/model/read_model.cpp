@@ -1,6 +1,7 @@
 // The parts of a model text that are not bodies, joints or forces.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <limits>
 
@@ -109,8 +110,22 @@ StaticsSpec read_statics(Section s) {
   return out;
 }
 
+RotationSpec read_rotation(Section s) {
+  RotationSpec out;
+  out.place = s.place();
+  out.axis = s.vector("axis");
+  if (!(out.axis.norm() > 0)) fail(s.place("axis"), "must not be zero");
+  out.axis.normalize();
+  out.point = s.vector("point", Vec3::Zero());
+  out.speed = s.number("speed");
+  out.bodies = s.texts("bodies");
+  s.finish();
+  return out;
+}
+
 void read_initial(Section s, InitialSpec& out) {
   out.place = s.place();
+  if (const auto rotation = s.table("rotation")) out.rotation = read_rotation(*rotation);
   if (const Value* statics = s.value("statics"); statics != nullptr && statics->type == Value::Type::table) {
     out.statics = true;
     Section options(*statics);
@@ -209,6 +224,32 @@ bool asks_for_linear_statics(const Value& root) {
   return linear != nullptr && linear->type == Value::Type::boolean && linear->boolean;
 }
 
+void set_rotation(Description& model) {
+  if (!model.initial.rotation) return;
+  RotationSpec& r = *model.initial.rotation;
+  std::vector<std::string> names;
+  for (const BodySpec& body : model.bodies) names.push_back(body.name);
+  if (r.bodies.empty()) r.bodies = names;
+  const Vec3 omega = r.speed * r.axis;
+  for (const std::string& name : r.bodies) {
+    const auto it = std::find(names.begin(), names.end(), name);
+    if (it == names.end())
+      fail(r.place, fmt::format("bodies: there is no body '{}'{}", name, suggestion(name, names)));
+    BodySpec& body = model.bodies[static_cast<std::size_t>(it - names.begin())];
+    body.velocity_given = body.angular_velocity_given = true;
+    const auto turn = [&](const Vec3& at, Vec3& velocity) { velocity += omega.cross(at - r.point); };
+    if (auto* rigid = std::get_if<RigidSpec>(&body.shape)) {
+      turn(rigid->data.position, rigid->data.velocity);
+      rigid->data.angular_velocity += omega;
+    } else if (auto* point = std::get_if<PointSpec>(&body.shape)) {
+      turn(point->data.position, point->data.velocity);
+    } else {
+      turn(body.position, body.velocity);
+      body.angular_velocity += omega;
+    }
+  }
+}
+
 Description read_description(const Value& root_value, const std::string& file) {
   Description model;
   model.file = file;
@@ -248,6 +289,7 @@ Description read_description(const Value& root_value, const std::string& file) {
   root.finish();
   check_names(model);
   check_densities(model);
+  set_rotation(model);
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
 }

@@ -20,6 +20,7 @@
 #include "dynamics/model/newton_solver.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/model/run_files.hpp"
+#include "dynamics/steady/rotating_system.hpp"
 #include "espalier/dynamics.hpp"
 #include "espalier/model_harmonic.hpp"
 
@@ -76,6 +77,10 @@ class Runner {
   void run_statics(const SimulationObserver& observer);
   void run_linear_statics(const SimulationObserver& observer);  ///< runner_linear.cpp
   void begin_statics_files();
+  /// What statics solves: the model's equations, or those of bodies that turn steadily, where [initial] rotation says
+  /// so.
+  [[nodiscard]] Equations& static_equations();
+  void turn_steadily();  ///< velocities and accelerations of that rotation, in an equilibrium
   void note_statics(const StaticsResult& result);
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it
@@ -122,6 +127,8 @@ class Runner {
   SolverRecord record_;
   std::unique_ptr<PhaseTrace> trace_;
   std::unique_ptr<Equations> equations_;
+  std::unique_ptr<RotatingSystem> rotating_;            // of statics, with [initial] rotation
+  std::unique_ptr<Equations> rotating_equations_;
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;
   std::unique_ptr<EventWatch> events_;

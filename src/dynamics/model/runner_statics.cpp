@@ -6,6 +6,7 @@
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
+#include "dynamics/steady/steady_modes.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -20,11 +21,36 @@ StaticsWatch watch_of(const SimulationOptions& options) {
 
 }  // namespace
 
+Equations& Runner::static_equations() {
+  if (!model_.initial.rotation) return *equations_;
+  if (!rotating_) {
+    const RotationSpec& spec = *model_.initial.rotation;
+    SteadyRotation rotation{spec.point, spec.speed * spec.axis, {}};
+    for (const std::string& name : spec.bodies) rotation.bodies.push_back(&mechanism_->body(name)->component());
+    rotating_ = std::make_unique<RotatingSystem>(mechanism_->system, std::move(rotation));
+    const Sizes sizes = mechanism_->system.sizes();
+    rotating_equations_ = std::make_unique<Equations>(
+        *rotating_, make_linear_solver(sizes.velocity + sizes.constraints), mechanism_->step_pool);
+  }
+  rotating_equations_->set_dropped(equations_->dropped());
+  std::fill(state_.v.begin(), state_.v.end(), 0.0);
+  std::fill(state_.a.begin(), state_.a.end(), 0.0);
+  return *rotating_equations_;
+}
+
+void Runner::turn_steadily() {
+  if (!rotating_) return;
+  rotating_->set_motion(state_.q, state_.v, state_.a);
+  equations_->evaluate_constraints(state_.t, state_.q, state_.v);
+}
+
 void Runner::find_equilibrium(const ConsistencyOptions& consistency) {
   equations_->allow_device();
   try {
-    note_statics(static_equilibrium(*equations_, state_, model_.initial.statics_options, {}, watch_of(options_)));
+    note_statics(
+        static_equilibrium(static_equations(), state_, model_.initial.statics_options, {}, watch_of(options_)));
     mechanism_->system.set_load_factor(1);
+    turn_steadily();
     make_consistent(*equations_, state_, consistency);
     guard_->check(state_);
   } catch (const Error& error) {
@@ -74,15 +100,17 @@ void Runner::run_statics(const SimulationObserver& observer) {
     summary_.interrupted = true;
     return false;
   };
-  State state = state_;
   const StaticsOptions& options = model_.statics->options;
   equations_->allow_device();
+  Equations& equations = static_equations();
+  State state = state_;
   try {
-    const StaticsResult result = static_equilibrium(*equations_, state, options, each, watch_of(options_));
+    const StaticsResult result = static_equilibrium(equations, state, options, each, watch_of(options_));
     summary_.interrupted = summary_.interrupted && result.load != options.load;
     note_statics(result);
     if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
     guard_->check(state_, true);
+    turn_steadily();
     find_modes();
     files_->modes(state_, shapes_);
     give_response();
@@ -151,11 +179,30 @@ void Runner::note_statics(const StaticsResult& result) {
 
 void Runner::find_modes() {
   if (model_.initial.modes == 0) return;
-  Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
+  const auto count = static_cast<Index>(model_.initial.modes);
+  State at = state_;
+  if (max_norm(state_.v) > 0) {
+    SteadyModes found = steady_modes(*equations_, mechanism_->system, state_, count, modes_solver_);
+    shapes_.clear();
+    for (SteadyMode& m : found.modes) {
+      summary_.modes.push_back({m.mode.frequency, m.mode.damping_ratio, m.mode.eigenvalue.real(), m.whirl,
+                                m.standing_frequency});
+      shapes_.push_back(std::move(m.mode.shape));
+    }
+    if (!found.modes.empty()) return summary_.notices.push_back(found.notice);
+    summary_.notices.push_back(fmt::format(
+        "initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes that turn with a "
+        "body {}: the modes are those of the same positions at rest",
+        found.notice));
+    std::fill(at.v.begin(), at.v.end(), 0.0);
+    make_consistent(*equations_, at);
+  }
+  Vibrations found = small_vibrations(*equations_, at, count, modes_solver_);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
   for (Mode& mode : found.modes) {
-    summary_.modes.push_back({mode.frequency, mode.damping_ratio});
+    summary_.modes.push_back(
+        {mode.frequency, mode.damping_ratio, mode.eigenvalue.real(), 0, mode.frequency});
     shapes_.push_back(std::move(mode.shape));
   }
 }

@@ -78,6 +78,16 @@ class SensitivityRun {
                             "sensitivities do not know linear statics yet: take linear out, and loads that are small");
     statics_ = model.statics.has_value();
     modes_ = model.initial.modes;
+    for (const dynamics::model::JointSpec& j : model.joints) {
+      using dynamics::model::JointType;
+      if (j.type != JointType::rolling && j.type != JointType::skate) continue;
+      if (method_ == SensitivityMethod::adjoint)
+        dynamics::model::fail(j.place, "the adjoint method does not pass rolling yet: take the forward one");
+      if (model.statics || model.initial.statics)
+        dynamics::model::fail(j.place,
+                              "sensitivities of equilibria do not pass rolling, where the place of rest depends on the "
+                              "way there");
+    }
     rests_ = model.initial.statics;
     if (method_ == SensitivityMethod::adjoint && modes_ > 0)
       throw Error(StatusCode::invalid_input,
