@@ -131,6 +131,8 @@ def read_vtu(path):
 
 def read_series(folder):
     """Times and files of motion.pvd."""
+    if not (folder / "motion.pvd").exists():
+        sys.exit(f"{folder} has no motion.pvd: give the model output.vtu_interval (index.html there needs none)")
     text = (folder / "motion.pvd").read_text()
     rows = re.findall(r'timestep="([^"]+)"[^>]*file="([^"]+)"', text)
     if not rows:

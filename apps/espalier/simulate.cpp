@@ -114,11 +114,13 @@ int SimulateCommand::simulate() {
   static_cast<void>(flags.options());  // names a wrong value before anything is read
   const auto result = [this](const char* name) { return options.out.empty() ? "" : options.out + "/" + name; };
   const std::string csv = result("quantities.csv"), series = result("motion.pvd"), state = result("state.restart");
+  const std::string page = options.page ? result("index.html") : "";
   check_outputs({{"the model", model},
                  {"--restart", options.restart},
                  {"quantities.csv of --out", csv},
                  {"motion.pvd of --out", series},
-                 {"state.restart of --out", state}},
+                 {"state.restart of --out", state},
+                 {"index.html of --out", page}},
                 {{"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
@@ -216,7 +218,8 @@ void add_simulate(CLI::App& app, Action& action) {
   SimulationOptions& o = command->options;
   CLI::App* sub = app.add_subcommand("simulate", "Simulate a mechanical system (docs/guide/simulate.md)");
   add_file(*sub, "model", command->model, "the model, TOML")->required();
-  add_file(*sub, "--out", o.out, "folder for results: CSV, ParaView, restart file, summary.json", "DIR");
+  add_file(*sub, "--out", o.out, "folder for results: a page to look at, CSV, ParaView, restart file, summary.json",
+           "DIR");
   sub->add_option("--set", o.set, "replace a value of the model, for instance parameters.size=2; may be repeated")
       ->type_name("PATH=VALUE")
       ->take_all()
@@ -225,6 +228,9 @@ void add_simulate(CLI::App& app, Action& action) {
       ->type_name("TIME")
       ->check(number())
       ->each([command = command.get()](const std::string&) { command->until_given = true; });
+  sub->add_flag_callback(
+      "--no-page", [command = command.get()] { command->options.page = false; },
+      "write no index.html, the page that shows the run (espalier view DIR)");
   add_file(*sub, "--restart", o.restart, "go on from this restart file");
   sub->add_flag("--accept-changes", o.accept_changes,
                 "go on although the model differs from that of the restart file; the notices say what differs");

@@ -55,6 +55,10 @@ struct SimulationOptions {
   /// Pictures of the bodies are kept in memory at such intervals of time (of the load factor), by interpolation between
   /// the ends of steps: Simulation::frames(). 0: at the end of every step; -1: none.
   double frame_interval = -1;
+  /// With `out`: the run as a page for a browser, index.html, unless the model says [output] page = false. It is
+  /// renewed while the run goes on.
+  bool page = true;
+  bool keep_page = false;  ///< what such a page shows is kept in memory: Simulation::page(). Also without `out`
   bool record_timeline = false;  ///< keep what each step does when, for Simulation::write_trace()
   bool keep_series = false;      ///< chosen quantities are kept in memory, a row for every step: Simulation::series()
   /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.
@@ -286,6 +290,9 @@ class Simulation {
   [[nodiscard]] SimulationFrame frame() const;
   /// SimulationOptions::frame_interval; empty without. restore() drops those of later times. @pre load() succeeded
   [[nodiscard]] const std::vector<SimulationFrame>& frames() const;
+  /// A page for a browser (HTML) of what is known so far: with SimulationOptions::keep_page, or a page in `out`, the
+  /// motion; else the present state. Needs nothing beside itself, and no network. @pre load() succeeded
+  [[nodiscard]] std::string page() const;
   [[nodiscard]] const SimulationSummary& summary() const;
   /// Writes the phases of all steps so far, on the host and on a device, as a Chrome trace that Perfetto opens; of very
   /// many the first two million. @throws std::logic_error without SimulationOptions::record_timeline

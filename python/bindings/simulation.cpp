@@ -27,7 +27,8 @@ class SimulationHandle {
  public:
   SimulationHandle(std::vector<std::string> set, std::string out, std::optional<double> until, std::string restart,
                    bool accept_changes, std::vector<std::string> quantities,
-                   std::vector<std::pair<std::string, std::string>> solver, std::string analyses, double frames) {
+                   std::vector<std::pair<std::string, std::string>> solver, std::string analyses, double frames,
+                   bool page) {
     SimulationOptions o;
     o.set = std::move(set);
     o.out = std::move(out);
@@ -39,6 +40,7 @@ class SimulationHandle {
     o.analyses = std::move(analyses);
     o.frame_interval = frames;
     o.keep_series = true;
+    o.page = o.keep_page = page;
     o.interrupted = &Host::interrupted;
     o.interrupted_every = 0.1;
     simulation_ = std::make_unique<Simulation>(std::move(o));
@@ -158,9 +160,10 @@ nb::dict fields(const SimulationSummary& s) {
 void bind_simulation(nb::module_& m) {
   nb::class_<SimulationHandle>(m, "Simulation")
       .def(nb::init<std::vector<std::string>, std::string, std::optional<double>, std::string, bool,
-                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string, double>(),
+                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string, double, bool>(),
            "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a,
-           "analyses"_a, "frames"_a)
+           "analyses"_a, "frames"_a, "page"_a)
+      .def("page", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.page(); }); })
       .def(
           "load",
           [](SimulationHandle& s, const std::string& text, const std::string& name, bool is_path) {

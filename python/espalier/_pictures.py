@@ -103,8 +103,23 @@ def plotter(cells: Cells, frames: "list[Frame]", scalars: "str | None", size: "t
         view = ("yz", "xz", "xy")[thin] if extents[thin] < 0.2 * max(extents) else "iso"
     scene.camera_position = view
     scene.reset_camera(bounds=_bounds(frames))
-    scene.camera.zoom(1.3)  # reset_camera() looks at the sphere around the box
+    if parallel:
+        scene.camera.parallel_scale = _scale(scene.camera, _bounds(frames), size)
     return scene, mesh
+
+
+def _scale(camera: Any, bounds: "list[float]", size: "tuple[int, int]") -> float:
+    """Half the height of the view in which the whole box is seen; reset_camera() looks at the sphere around it."""
+    import numpy as np
+
+    focal, up = np.array(camera.focal_point), np.array(camera.up)
+    along = focal - np.array(camera.position)
+    right = np.cross(along, up)
+    top = np.cross(right, along)
+    corners = np.array([[bounds[i], bounds[2 + j], bounds[4 + k]] for i in (0, 1) for j in (0, 1) for k in (0, 1)]) - focal
+    wide = np.abs(corners @ right).max() / np.linalg.norm(right)
+    high = np.abs(corners @ top).max() / np.linalg.norm(top)
+    return float(1.1 * max(high, wide * size[1] / size[0])) or 1.0
 
 
 def animation(cells: Cells, frames: "list[Frame]", path: Any, seconds: float, scalars: "str | None",

@@ -1,11 +1,12 @@
 """The simulator: models, runs, and motions that a program steps through."""
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Callable, Iterable, Mapping, NamedTuple
 
 from . import _checks, _core
 from ._errors import make_error
+from ._page import Shown, write_page
 from ._pictures import Cells, Frame, animation, grid, plotter
 from ._progress import Bar, wanted
 from ._toml import toml_of
@@ -122,6 +123,11 @@ class Model:
         yourself."""
         return Simulation(self, until=until, **options).run(observer, progress=progress)
 
+    def show(self, *, height: int = 640, **options: Any) -> Shown:
+        """The assembled model before it runs, with its joints, as a page: in a notebook in the cell, else in a browser.
+        options: those of Simulation."""
+        return Simulation(self, **{**options, "out": ""}).result().show(height=height)
+
     def derivatives(self, parameters: "Iterable[str] | Mapping[str, float]", **options: Any) -> Any:
         """espalier.derivatives(model, parameters, **options): a run with the derivatives of its quantities."""
         from ._sensitivities import derivatives
@@ -212,6 +218,24 @@ class Result:
     summary: "dict[str, Any]"
     cells: "Cells | None" = None
     frames: "tuple[Frame, ...]" = ()
+    _page: "Callable[[], str] | str | None" = field(default=None, repr=False, compare=False)
+
+    def __getstate__(self) -> "dict[str, Any]":  # the simulation stays in its process, its page goes along
+        return {**self.__dict__, "_page": self._page() if callable(self._page) else self._page}
+
+    def to_html(self, path: "str | os.PathLike[str] | None" = None) -> str:
+        """The page of the run (docs/guide/see.md): scene, plots and summary in one text of HTML that needs nothing else;
+        with a path it is written there, too. Of a simulation that went on since, it shows that."""
+        if self._page is None:
+            raise ValueError("no page was kept: leave page=False out of run() or Simulation(); sweep() takes page=True")
+        text = self._page() if callable(self._page) else self._page
+        if path is not None:
+            write_page(text, _checks.path(path, "path"))
+        return text
+
+    def show(self, *, height: int = 640) -> Shown:
+        """The page: in a notebook in the cell, else in a browser."""
+        return Shown(self.to_html(), _checks.whole(height, "height", 100, 10_000))
 
     def __getitem__(self, name: str) -> Any:
         """One quantity over time, (steps + 1,), or the three columns of a vector, (steps + 1, 3)."""
@@ -291,9 +315,15 @@ class Result:
     def _repr_html_(self) -> str:
         from html import escape
 
-        rows = "".join(f"<tr><th>{k}</th><td>{escape(str(v))}</td></tr>" for k, v in self.summary.items()
-                       if v not in ("", [], {}) and k != "values")
-        return f"<table><caption>Result</caption>{rows}</table>"
+        s = self.summary
+        facts = [("method", s["method"]), ("time", f"{s['t_begin']:g} to {s['t_end']:g} in {s['steps']} steps"),
+                 ("unknowns", f"{s['velocities']} + {s['constraints']} constraints"), ("took", f"{s['seconds']:.3g} s"),
+                 *(("event", f"{name} at {t:.6g}") for name, t in s["events"][:10]),
+                 *(("frequency", f"{frequency:.6g}, damping {100 * damping:.2g} %") for frequency, damping in s["modes"]),
+                 *(("redundant", text) for text in s["redundant"]), *(("notice", text) for text in s["notices"]),
+                 *((name, f"{value:.6g}") for name, value in s["values"].items())]
+        rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in facts)
+        return f"<table><caption>{escape(str(s['title'] or 'Result'))}: show() for a scene and plots</caption>{rows}</table>"
 
     def __repr__(self) -> str:
         s = self.summary
@@ -309,6 +339,7 @@ class Simulation:
     every step, besides those of the model's [output]. out: folder for files. restart: a restart file to go on from.
     frames: pictures of the bodies are kept at such intervals of time (or of the load factor; 0: at every step), for
     Result.mesh(), picture(), animate(). analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
+    page: what Result.show() and to_html() need is kept, and with `out` index.html is written.
     Further options are those of the solver (device, threads, ...).
 
     Calls let other Python threads run. Ctrl-C ends a run after a step, or in a long factorization, with
@@ -319,15 +350,17 @@ class Simulation:
                  set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
                  out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
                  accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "",
-                 frames: "float | None" = None, **solver: Any) -> None:
+                 frames: "float | None" = None, page: bool = True, **solver: Any) -> None:
         from ._toml import _value
 
         self._core = _core.Simulation(
             [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.path(out, "out"),
             None if until is None else _checks.real(until, "until"), _checks.path(restart, "restart"),
             _checks.flag(accept_changes, "accept_changes"), _checks.texts(quantities, "quantities"), _checks.options(solver),
-            _checks.path(analyses, "analyses"), -1.0 if frames is None else _interval(frames))
+            _checks.path(analyses, "analyses"), -1.0 if frames is None else _interval(frames),
+            _checks.flag(page, "page"))
         self._frames = frames is not None
+        self._page = page
         model = model_of(model)
         if model._path is not None:
             self._check(self._core.load(model._path, "", True))
@@ -409,10 +442,11 @@ class Simulation:
     def result(self) -> Result:
         """What is known so far."""
         names, t, values = self._core.series()
+        page = self._core.page if self._page else None
         if not self._frames:
-            return Result(t, names, values, self._core.summary())
+            return Result(t, names, values, self._core.summary(), _page=page)
         return Result(t, names, values, self._core.summary(), Cells(*self._core.mesh()),
-                      tuple(Frame(*f) for f in self._core.frames()))
+                      tuple(Frame(*f) for f in self._core.frames()), page)
 
     def mesh(self) -> Any:
         """The bodies as they are now, a pyvista.UnstructuredGrid as of Result.mesh()."""
@@ -457,7 +491,7 @@ def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "in
     if workers is not None:
         workers = _checks.whole(workers, "workers", 1, 4096)
     with TemporaryDirectory(prefix="espalier-") as folder:
-        jobs = [(model, {**fixed, **p}, {"threads": 1, "analyses": folder, **options}) for p in points]
+        jobs = [(model, {**fixed, **p}, {"threads": 1, "analyses": folder, "page": False, **options}) for p in points]
         if workers == 1 or len(jobs) < 2:
             return [(point, _told(point, _one, job)) for point, job in zip(points, jobs)]
         workers = workers or min(len(jobs), len(os.sched_getaffinity(0)))

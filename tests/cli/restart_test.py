@@ -89,6 +89,7 @@ class Restart(Cli):
         """All files of a run by name; of the summary, what does not tell the time of day."""
         files = {p.name: p.read_bytes() for p in folder.iterdir()}
         summary = json.loads(files.pop("summary.json"))
+        files.pop("index.html", None)  # tells the time of day, and begins where the run was restarted
         files["values"] = json.dumps([summary["values"], summary["energy"]["end"], summary["integrator"]])
         return files
 

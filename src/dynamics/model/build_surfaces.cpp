@@ -77,6 +77,7 @@ class SurfaceBuilder {
   }
 
   void note_for_pictures(const SurfaceSpec& s) {
+    if (s.body == "ground" && !is_flexible(s)) out_.ground_surfaces.push_back(rigid_surface(s));
     for (BuiltBody& body : out_.bodies)
       if (body.spec.name == s.body && body.rigid != nullptr && !is_flexible(s))
         body.surfaces.push_back(rigid_surface(s));

@@ -385,6 +385,7 @@ struct OutputSpec {
   double vtu_interval = -1;      ///< 0: every step; < 0: none
   double restart_interval = -1;  ///< < 0: at the end only
   bool exact_times = false;      ///< steps end at the output times
+  bool page = true;              ///< index.html, which shows the run in a browser
   bool operator==(const OutputSpec&) const = default;
 };
 
@@ -414,6 +415,7 @@ struct Description {
   std::string file;    ///< name of the text
   std::string folder;  ///< where mesh files are looked for
   std::string title;
+  std::string text;  ///< that this was read from, for pages; empty: it is not shown
   Vec3 gravity = Vec3::Zero();
   std::vector<BodySpec> bodies;
   std::map<std::string, MarkerSpec> markers;

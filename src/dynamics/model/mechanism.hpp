@@ -103,6 +103,7 @@ class Mechanism {
   std::unique_ptr<const LinearResponse> linear;  ///< of linear statics: quantities and pictures are those of it
   Controls* controls = nullptr;                  ///< null: nothing can be set, switched or happen
   std::vector<std::string> notices;              ///< what joints do not fit at the start, and how they hold faces
+  std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece
 
   [[nodiscard]] const BuiltBody* body(const std::string& name) const;

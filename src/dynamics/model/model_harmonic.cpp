@@ -19,7 +19,9 @@ ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::s
     if (!model.harmonic)
       throw Error(StatusCode::invalid_input, name + ": there is no section [harmonic], which says what to respond to");
     SimulationSummary summary;
-    dynamics::model::Runner runner(model, options, summary);
+    SimulationOptions own = options;
+    own.page = false;  // a page is a simulation's
+    dynamics::model::Runner runner(model, own, summary);
     try {
       if (model.statics)
         runner.run({});

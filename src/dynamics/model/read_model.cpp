@@ -162,6 +162,7 @@ void read_output(Section s, OutputSpec& out) {
   out.reactions = s.flag("reactions", false);
   out.step_data = s.flag("step_data", false);
   out.exact_times = s.flag("exact_times", false);
+  out.page = s.flag("page", true);
   s.finish();
 }
 

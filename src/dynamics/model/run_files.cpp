@@ -70,8 +70,10 @@ void RunFiles::write_csv(const Sample& s) {
   sample_ = &s;
   StateView row = s.state->view();
   row.t = s.time();
+  row_.clear();
   csv_->write(row);
   csv_time_ = s.time();
+  if (told_) told_(s.time(), row_);
 }
 
 void RunFiles::write_picture(const State& s) {
@@ -96,7 +98,7 @@ void RunFiles::write_restart_file(const Sample& s) {
 void RunFiles::begin_csv(const Sample& s, double keep_until) {
   std::vector<CsvColumn> columns;
   for (const Quantity& q : columns_)
-    columns.push_back({q.name, [this, &q](const StateView&) { return q.value(*sample_); }});
+    columns.push_back({q.name, [this, &q](const StateView&) { return row_.emplace_back(q.value(*sample_)); }});
   const std::string path = folder_ + "/quantities.csv";
   csv_ = std::make_unique<CsvWriter>(path, std::move(columns), keep_until);
   written_.push_back(path);
@@ -120,6 +122,13 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
     if (!restarted) write_picture(s.pictured());
     before_ = s.pictured();
   }
+}
+
+std::vector<std::string> RunFiles::columns() const {
+  std::vector<std::string> names;
+  if (!folder_.empty() && spec_.csv_interval >= 0)
+    for (const Quantity& q : columns_) names.push_back(q.name);
+  return names;
 }
 
 void RunFiles::modes(const State& state, const std::vector<std::vector<double>>& shapes) {

@@ -2,6 +2,7 @@
 /// The files of a run and when they are written.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -56,6 +57,10 @@ class RunFiles {
   /// The next time at which a step has to end.
   [[nodiscard]] double next_exact_time() const;
   [[nodiscard]] const std::vector<std::string>& written() const { return written_; }
+  /// Told of each row of quantities.csv; set before begin().
+  using RowListener = std::function<void(double t, const std::vector<double>& values)>;
+  void tell_rows(RowListener listener) { told_ = std::move(listener); }
+  [[nodiscard]] std::vector<std::string> columns() const;  ///< names of the rows' numbers; empty: there is no CSV file
 
  private:
   void write_csv(const Sample& s);
@@ -73,6 +78,8 @@ class RunFiles {
   std::vector<Quantity> columns_;
   std::unique_ptr<CsvWriter> csv_;
   const Sample* sample_ = nullptr;  // of the row being written
+  std::vector<double> row_;         // its values
+  RowListener told_;
   std::unique_ptr<Pictures> pictures_;
   State before_;  // at the end of the step before, for pictures
   DueTimes csv_clock_, vtu_clock_, restart_clock_;

@@ -310,9 +310,11 @@ void Runner::go() {
     files_.reset();  // of a run that an observer broke off
     files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
     const Sample s = sample(last_report_);
+    begin_page(s, reference_);
     files_->begin(s, reference_, !options_.restart.empty());
     files_->modes(state_, shapes_);
     begin_keeping(s, reference_);
+    show_shapes();
   }
   if (options_.restart.empty()) give_response();
   going_ = true;
@@ -496,6 +498,7 @@ void Runner::finish() {
   summary_.values.clear();
   for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));
   if (files_) summary_.files = files_->written();
+  if (page_ && !page_->written().empty()) summary_.files.push_back(page_->written());
 }
 
 }  // namespace espalier::dynamics::model

@@ -20,6 +20,7 @@
 #include "dynamics/model/newton_solver.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/model/run_files.hpp"
+#include "dynamics/page/live_page.hpp"
 #include "dynamics/steady/rotating_system.hpp"
 #include "espalier/dynamics.hpp"
 #include "espalier/model_harmonic.hpp"
@@ -43,6 +44,10 @@ class Runner {
   /// Pictures in memory: of the run, of the present state; made at the first call.
   [[nodiscard]] KeptFrames& kept_frames();
   [[nodiscard]] SimulationFrame frame();
+  /// See Simulation.
+  [[nodiscard]] std::string page(const Status& status);
+  /// The page in the folder of the run, where there is one; what keeps it from being written becomes a notice.
+  void write_page(const Status& status, bool running = false) noexcept;
   /// See Simulation.
   void write_trace(const std::string& path) const;
   /// Brings the summary up to date; called by run() too, also when it fails.
@@ -95,6 +100,11 @@ class Runner {
   void halt();  ///< the caller has interrupted a step: the state before it stands
   void begin_keeping(const Sample& s, const State& initial);
   void keep(const Sample& s);
+  void begin_page(const Sample& s, const State& initial);
+  void show(const Sample& s);
+  void show_shapes();    ///< of modes, on the page
+  void show_response();  ///< likewise
+  [[nodiscard]] page::RunOfPage run_of_page(bool running) const;
   void expect_motion(const char* call) const;
   // What events do (runner_events.cpp)
   void happen();
@@ -143,6 +153,7 @@ class Runner {
   std::vector<Quantity> quantities_;
   SimulationSeries series_;
   std::unique_ptr<KeptFrames> frames_;
+  std::unique_ptr<page::LivePage> page_;
   std::vector<char> dropped_at_start_;  // constraint rows, m marks
   bool going_ = false;                  // go() was called, and the files have not been ended
   State state_, shown_;

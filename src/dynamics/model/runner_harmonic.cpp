@@ -40,6 +40,7 @@ void Runner::give_response() {
   const auto write = [this] {
     const Phase output("output", summary_.phases.output, trace_.get());
     files_->harmonic(current(), response_, model_.harmonic->phases);
+    show_response();
   };
   try {
     respond();

@@ -64,6 +64,7 @@ void Runner::begin_statics_files() {
   const Phase output("output", summary_.phases.output, trace_.get());
   files_ = std::make_unique<RunFiles>(model_.output, options_.out, *mechanism_, quantities_, integrator_);
   const Sample s = sample(last_report_);
+  begin_page(s, state_);
   files_->begin(s, state_, false);
   begin_keeping(s, state_);
 }
@@ -113,6 +114,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     turn_steadily();
     find_modes();
     files_->modes(state_, shapes_);
+    show_shapes();
     give_response();
   } catch (const Error& error) {
     if (error.status().code == StatusCode::cancelled) {

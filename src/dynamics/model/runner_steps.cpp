@@ -63,6 +63,7 @@ void Runner::restore(std::string_view state) {
   series_.t.resize(static_cast<std::size_t>(kept));
   series_.values.resize(static_cast<std::size_t>(kept) * series_.names.size());
   if (options_.frame_interval >= 0) kept_frames().restore(sample(last_report_).pictured());
+  if (page_) page_->restore(sample(last_report_));
   finish();
 }
 
@@ -87,6 +88,7 @@ void Runner::watch_from_here() {
 // A state that is there already (the start of a run that goes on) is not kept twice.
 void Runner::keep(const Sample& s) {
   if (options_.frame_interval >= 0) kept_frames().step(s.pictured());
+  show(s);
   if (!options_.keep_series || (!series_.t.empty() && series_.t.back() == s.time())) return;
   series_.t.push_back(s.time());
   for (const Quantity& q : quantities_) series_.values.push_back(q.value(s));

@@ -16,7 +16,9 @@ namespace {
 constexpr int kCorner[8][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
                                {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
 
-/// Half the edges of the uniform block with this mass and inertia (its diagonal): b^2 + c^2 = 12 I_x / m.
+}  // namespace
+
+// Half the edges of the uniform block with this mass and inertia (its diagonal): b^2 + c^2 = 12 I_x / m.
 Vec3 half_edges(const RigidSpec& rigid) {
   if (rigid.box) return 0.5 * *rigid.box;
   const Vec3 i = 12 / rigid.data.mass * rigid.data.inertia.diagonal();
@@ -24,8 +26,6 @@ Vec3 half_edges(const RigidSpec& rigid) {
   const double least = 0.05 * std::sqrt(sum);  // a thin plate or rod stays visible
   return 0.5 * (sum * Vec3::Ones() - i).cwiseMax(least * least).cwiseSqrt();
 }
-
-}  // namespace
 
 double von_mises(ElementType type, const Material& material, std::span<const double> reference,
                  std::span<const double> position) {

@@ -47,6 +47,9 @@ class Scene {
   Index point_count_ = 0;
 };
 
+/// Half the edges of the box that stands for a rigid body without surfaces.
+[[nodiscard]] Vec3 half_edges(const RigidSpec& rigid);
+
 /// Von Mises stress in the middle of a simulated solid. @param reference, position 3 numbers per node
 [[nodiscard]] double von_mises(ElementType type, const Material& material, std::span<const double> reference,
                                std::span<const double> position);

@@ -74,8 +74,9 @@ Status Simulation::load_text(const std::string& text, const std::string& name) {
       base::check_path(*folder);
     Value root = dynamics::model::parse_toml(text, name);
     dynamics::model::expand(root, impl_->options.set);
-    impl_->runner =
-        std::make_unique<Runner>(dynamics::model::read_description(root, name), impl_->options, impl_->summary);
+    dynamics::model::Description model = dynamics::model::read_description(root, name);
+    model.text = text;
+    impl_->runner = std::make_unique<Runner>(std::move(model), impl_->options, impl_->summary);
   });
 }
 
@@ -84,6 +85,7 @@ Status Simulation::run(const SimulationObserver& observer) {
   Status status = impl_->guard([&] { runner.run(observer); });
   auto& p = impl_->summary.phases;
   p.other = std::max(0.0, p.total - p.setup - p.assembly - p.analysis - p.factorization - p.solve - p.output);
+  runner.write_page(status);
   return status;
 }
 
@@ -103,6 +105,7 @@ const SimulationSeries& Simulation::series() const { return impl_->loaded().seri
 SimulationMesh Simulation::mesh() const { return impl_->loaded().kept_frames().mesh(); }
 SimulationFrame Simulation::frame() const { return impl_->loaded().frame(); }
 const std::vector<SimulationFrame>& Simulation::frames() const { return impl_->loaded().kept_frames().frames(); }
+std::string Simulation::page() const { return impl_->loaded().page(impl_->summary.status); }
 const SimulationSummary& Simulation::summary() const { return impl_->summary; }
 Status Simulation::write_trace(const std::string& path) const {
   const Runner& runner = impl_->loaded();

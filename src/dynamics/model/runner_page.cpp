@@ -1,0 +1,123 @@
+// The page of a run.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <complex>
+
+#include "base/stopwatch.hpp"
+#include "dynamics/model/runner.hpp"
+
+namespace espalier::dynamics::model {
+
+void Runner::begin_page(const Sample& s, const State& initial) {
+  const bool in_folder = options_.page && model_.output.page && !options_.out.empty();
+  if (!in_folder && !options_.keep_page) return;
+  if (!page_) {
+    page_ = std::make_unique<page::LivePage>(*mechanism_, model_, in_folder ? options_.out : "",
+                                             s.load ? 0 : summary_.t_begin, end_time(), model_.output.vtu_interval);
+    page_->rows().begin(files_->columns());
+    page_->film().begin(s, initial);
+  }
+  if (!files_->columns().empty())
+    files_->tell_rows([this](double t, const std::vector<double>& values) { page_->rows().add(t, values); });
+}
+
+// A run is not worse for a page that has no room.
+void Runner::show(const Sample& s) {
+  if (!page_) return;
+  bool due = false;
+  try {
+    due = page_->step(s);
+  } catch (const std::bad_alloc&) {
+    page_.reset();
+    files_->tell_rows({});
+    summary_.notices.emplace_back("the page of the run was given up: there is no memory for it");
+  }
+  if (due) write_page({}, true);
+}
+
+void Runner::show_shapes() {
+  if (!page_ || shapes_.empty()) return;
+  std::vector<page::Swing> swings;
+  for (std::size_t k = 0; k < shapes_.size(); ++k) {
+    page::Swing swing{fmt::format("mode {}", k + 1), 0, shapes_[k], {}};
+    if (k < summary_.modes.size()) swing.frequency = summary_.modes[k].frequency;
+    swings.push_back(std::move(swing));
+  }
+  page_->film().swing(state_, swings);
+}
+
+void Runner::show_response() {
+  if (!page_) return;
+  const HarmonicResult& r = response_.response;
+  const auto size = static_cast<std::size_t>(r.n), n = state_.v.size();
+  std::vector<page::Swing> swings;
+  for (std::size_t k = 0; k < r.shape_frequencies.size(); ++k)
+    for (std::size_t load = 0; load < response_.loads.size(); ++load) {
+      const std::complex<double>* x = r.shapes.data() + (k * response_.loads.size() + load) * size;
+      page::Swing swing{
+          fmt::format("{} at {:.6g}", response_.loads[load], r.shape_frequencies[k]), r.shape_frequencies[k], {}, {}};
+      bool finite = true;
+      for (std::size_t i = 0; i < n; ++i) {
+        swing.shift.push_back(x[i].real());
+        swing.shift90.push_back(-x[i].imag());
+        finite = finite && std::isfinite(std::abs(x[i]));
+      }
+      if (finite) swings.push_back(std::move(swing));
+    }
+  page_->film().swing(current(), swings);
+}
+
+page::RunOfPage Runner::run_of_page(bool running) const {
+  page::RunOfPage run{summary_, {}, running, model_.file, model_.text, options_.set, 0, 0, {}, {}};
+  run.gravity = {model_.gravity.x(), model_.gravity.y(), model_.gravity.z()};
+  run.begin = model_.statics ? 0 : summary_.t_begin;
+  run.end = end_time();
+  run.quantities = list_quantities(*mechanism_);
+  return run;
+}
+
+std::string Runner::page(const Status& status) {
+  if (!page_) {
+    const Sample s = sample(last_report_);
+    page::LivePage still(*mechanism_, model_, "", time(), time(), 0);
+    still.film().begin(s, reference_);
+    page::RunOfPage run = run_of_page(false);
+    run.status = status;
+    return still.text(run, page::rows_of(series_));
+  }
+  page_->film().end(sample(last_report_));
+  page::RunOfPage run = run_of_page(false);
+  run.status = status;
+  return page_->text(run, page::rows_of(series_));
+}
+
+void Runner::write_page(const Status& status, bool running) noexcept {
+  if (!page_) return;
+  try {
+    double seconds = 0;  // counted by the caller, where the run goes on
+    {
+      const base::Stopwatch watch(seconds);
+      if (running)
+        finish();
+      else
+        page_->film().end(sample(last_report_));
+      page::RunOfPage run = run_of_page(running);
+      run.status = status;
+      page_->write(run);
+    }
+    if (running) return;
+    summary_.phases.output += seconds;
+    summary_.phases.total += seconds;
+    if (std::find(summary_.files.begin(), summary_.files.end(), page_->written()) == summary_.files.end())
+      summary_.files.push_back(page_->written());
+  } catch (const std::exception& error) {
+    try {
+      summary_.notices.push_back(fmt::format("the page of the run was not written: {}", error.what()));
+    } catch (...) {  // no memory for it
+    }
+  } catch (...) {
+  }
+}
+
+}  // namespace espalier::dynamics::model

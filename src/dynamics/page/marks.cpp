@@ -1,0 +1,105 @@
+#include "dynamics/page/marks.hpp"
+
+#include <limits>
+
+#include "dynamics/contact/outline.hpp"
+#include "dynamics/page/json_text.hpp"
+#include "dynamics/page/skin_faces.hpp"
+
+namespace espalier::dynamics::page {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+void append(const Vec3& x, std::vector<double>& to) { to.insert(to.end(), x.data(), x.data() + 3); }
+
+std::string body_name(const model::MarkerSpec& marker, const model::Description& model) {
+  if (marker.reference.empty()) return marker.body;
+  const auto named = model.markers.find(marker.reference);
+  return named == model.markers.end() ? marker.reference : named->second.body;
+}
+
+std::string mark_json(const std::string& name, const char* what, const std::string& kind,
+                      const std::vector<model::MarkerSpec>& frames, const model::Description& model) {
+  std::vector<std::string> between;
+  for (const model::MarkerSpec& frame : frames) between.push_back(body_name(frame, model));
+  JsonObject mark;
+  mark.text("name", name).text("what", what).text("kind", kind).raw("between", json_texts(between));
+  return mark.done();
+}
+
+}  // namespace
+
+Marks::Marks(const model::Mechanism& mechanism, const model::Description& model) : mechanism_(mechanism) {
+  std::vector<std::string> marks;
+  for (const Joint* joint : mechanism.joints) {
+    std::vector<model::MarkerSpec> frames;
+    for (const model::JointSpec& spec : model.joints)
+      if (spec.name == joint->name()) frames = spec.frames;
+    marks.push_back(mark_json(joint->name(), "joint", joint->kind(), frames, model));
+  }
+  for (const model::BuiltForce& built : mechanism.forces) {
+    std::string kind = "force";
+    std::vector<model::MarkerSpec> frames;
+    for (const model::ForceSpec& spec : model.forces)
+      if (spec.name == built.force->name()) {
+        frames = spec.frames;
+        kind = model::force_type_names()[static_cast<std::size_t>(spec.type)];
+      }
+    marks.push_back(mark_json(built.force->name(), "force", kind, frames, model));
+  }
+  for (const model::BuiltContact& contact : mechanism.surface_contacts)
+    marks.push_back(mark_json(contact.name, "contact", "contact", {}, model));
+  count_ = static_cast<Index>(marks.size());
+  json_ = json_list(marks);
+}
+
+void Marks::place(const StateView& s, const StateView& end, std::vector<double>& out) const {
+  for (const Joint* joint : mechanism_.joints) {
+    const int other = joint->frames() > 1 ? 1 : 0;
+    const FrameMotion a = joint->frame_motion(s.q, {}, 0), b = joint->frame_motion(s.q, {}, other);
+    const Wrench wrench = joint->reaction(s, other);
+    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) append(x, out);
+  }
+  for (const model::BuiltForce& built : mechanism_.forces) {
+    FrameMotion a, b;
+    built.force->frame(0).motion(s.q, {}, a);
+    built.force->frame(1).motion(s.q, {}, b);
+    if (built.side == 0) b = a;  // a load
+    const Wrench wrench = built.force->applied(s, built.side);
+    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) append(x, out);
+  }
+  for (const model::BuiltContact& contact : mechanism_.surface_contacts) {
+    const contact::ContactReport report = contact.report(end);
+    const double square = report.force.squaredNorm();
+    // The point of the force's line that is next to the origin; the page moves it along the line.
+    const Vec3 on_line = square > 0 ? Vec3(report.force.cross(report.moment) / square) : Vec3(Vec3::Constant(kNone));
+    for (const Vec3& x : {on_line, on_line, Vec3(Vec3::Zero()), report.force, Vec3(Vec3::Zero())}) append(x, out);
+  }
+}
+
+std::string Marks::ground_json() const {
+  std::vector<std::string> shapes;
+  for (const contact::RigidSurface& surface : mechanism_.ground_surfaces) {
+    JsonObject shape;
+    shape.text("name", surface.name);
+    if (std::holds_alternative<contact::PlaneShape>(surface.shape)) {
+      const Vec3 normal = surface.axes.col(2);
+      shape.raw("point", json_numbers({surface.point.data(), 3})).raw("normal", json_numbers({normal.data(), 3}));
+    } else {
+      const contact::Outline outline = contact::outline_of(surface.shape);
+      std::vector<double> points;
+      for (const Vec3& x : outline.points) append(surface.point + surface.axes * x, points);
+      std::vector<std::array<Index, 3>> triangles;
+      for (const std::vector<Index>& face : outline.faces) add_triangles(face, face.size(), triangles);
+      std::vector<std::string> numbers;
+      for (const auto& triangle : triangles)
+        for (const Index k : triangle) numbers.push_back(std::to_string(k));
+      shape.raw("points", json_numbers(points, 7)).raw("triangles", json_list(numbers));
+    }
+    shapes.push_back(shape.done());
+  }
+  return json_list(shapes);
+}
+
+}  // namespace espalier::dynamics::page

@@ -1,0 +1,256 @@
+#include "dynamics/page/skin.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+#include "base/at.hpp"
+#include "dynamics/bodies/beam_axis.hpp"
+#include "dynamics/elements/line_point.hpp"
+#include "dynamics/page/skin_faces.hpp"
+
+namespace espalier::dynamics::page {
+namespace {
+
+Vec3 vector_at(const double* x) { return {x[0], x[1], x[2]}; }
+void store(const Vec3& x, double* to) { std::copy_n(x.data(), 3, to); }
+
+/// Outer faces of a solid.
+class SolidSkin final : public Skin {
+ public:
+  explicit SolidSkin(const Mesh& mesh) {
+    const std::vector<MeshFace> faces = mesh.boundary_faces();
+    constexpr std::size_t kFine = 30'000;  // faces of which mid-side nodes are drawn, too
+    constexpr std::size_t kOutlined = 40'000;
+    coarse = faces.size() > kFine;
+    std::vector<Index> number(mesh.nodes.size(), -1);
+    for (const MeshFace& face : faces) {
+      const std::vector<Index> own = mesh.face_nodes(face);
+      const std::size_t corners = at(shape_of(shape_of(mesh.type(face.element)).faces[at(face.face)].type).corners);
+      std::vector<Index> drawn(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(coarse ? corners : own.size()));
+      for (Index& node : drawn) {
+        Index& known = number[at(node)];
+        if (known < 0) {
+          known = static_cast<Index>(nodes_.size());
+          nodes_.push_back(node);
+          labels.push_back(mesh.node_label(node));
+        }
+        node = known;
+      }
+      add_triangles(drawn, corners, triangles);
+      if (faces.size() <= kOutlined) add_outline(drawn, corners, edges);
+    }
+    remove_repeats(edges);
+    add_loose_elements(mesh, number);
+  }
+  void place(const double* vertices, double* x) const override {
+    for (std::size_t k = 0; k < nodes_.size(); ++k) std::copy_n(vertices + 3 * nodes_[k], 3, x + 3 * k);
+  }
+  [[nodiscard]] const std::vector<Index>& nodes() const override { return nodes_; }
+
+ private:
+  /// Surfaces and lines of the mesh that belong to no solid.
+  void add_loose_elements(const Mesh& mesh, std::vector<Index>& number) {
+    for (Index e = 0; e < mesh.element_count(); ++e) {
+      const ElementShape& shape = shape_of(mesh.type(e));
+      if (shape.dimension != 1 && shape.dimension != 2) continue;
+      std::vector<Index> drawn;
+      for (int k = 0; k < shape.corners; ++k) {
+        const Index node = mesh.element(e)[at(k)];
+        if (number[at(node)] < 0) {
+          number[at(node)] = static_cast<Index>(nodes_.size());
+          nodes_.push_back(node);
+          labels.push_back(mesh.node_label(node));
+        }
+        drawn.push_back(number[at(node)]);
+      }
+      if (shape.dimension == 2)
+        add_triangles(drawn, drawn.size(), triangles);
+      else
+        edges.push_back({drawn[0], drawn[1]});
+    }
+  }
+  std::vector<Index> nodes_;
+};
+
+/// A chain of cables or beams with its section around it.
+class LineSkin final : public Skin {
+ public:
+  /// @param section  points of the section's outline, along y and z, anticlockwise seen against x
+  LineSkin(Index elements, int step, double length, std::vector<std::array<double, 2>> section)
+      : elements_(elements), step_(step), length_(length), section_(std::move(section)) {
+    pieces_ = std::clamp<Index>(240 / elements, 1, 6);
+    const Index rings = elements * pieces_ + 1, around = static_cast<Index>(section_.size());
+    for (Index ring = 0; ring < rings; ++ring)
+      for (Index k = 0; k < around; ++k) labels.push_back(ring % pieces_ == 0 ? ring / pieces_ + 1 : 0);
+    for (Index ring = 0; ring + 1 < rings; ++ring)
+      for (Index k = 0; k < around; ++k) {
+        const Index a = ring * around + k, b = ring * around + (k + 1) % around;
+        triangles.push_back({a, b, b + around});
+        triangles.push_back({a, b + around, a + around});
+      }
+    const Index last = (rings - 1) * around;
+    for (Index k = 1; k + 1 < around; ++k) {
+      triangles.push_back({0, k + 1, k});
+      triangles.push_back({last, last + k, last + k + 1});
+    }
+    for (Index node = 0; node <= elements; ++node)
+      for (Index k = 0; k < around; ++k)
+        edges.push_back({node * pieces_ * around + k, node * pieces_ * around + (k + 1) % around});
+  }
+  void place(const double* vertices, double* x) const override { put(vertices, vertices, x); }
+  void rates(const double* vertices, const double* velocities, double* v) const override {
+    put(vertices, velocities, v);
+  }
+
+ private:
+  // Beams are linear in their vertices. A cable has a round section, whose own turn nobody knows: it moves with the
+  // axis.
+  void put(const double* position, const double* values, double* x) const {
+    const bool rates = values != position, cable = step_ == 2;
+    Vec3 y = Vec3::Zero();
+    for (Index e = 0; e < elements_; ++e)
+      for (Index piece = e == 0 ? 0 : 1; piece <= pieces_; ++piece) {
+        const double s = static_cast<double>(piece) / static_cast<double>(pieces_);
+        const Hermite h(2 * s - 1, length_);
+        const double *a = values + 3 * step_ * e, *b = a + 3 * step_;
+        const Vec3 r =
+            h.n[0] * vector_at(a) + h.n[1] * vector_at(a + 3) + h.n[2] * vector_at(b) + h.n[3] * vector_at(b + 3);
+        Vec3 z;
+        if (cable) {
+          const Vec3 along =
+              h.d[0] * vector_at(a) + h.d[1] * vector_at(a + 3) + h.d[2] * vector_at(b) + h.d[3] * vector_at(b + 3);
+          if (rates)
+            y = z = Vec3::Zero();
+          else
+            next_axes(along, y, z);
+        } else {
+          y = (1 - s) * vector_at(a + 6) + s * vector_at(b + 6);
+          z = (1 - s) * vector_at(a + 9) + s * vector_at(b + 9);
+        }
+        for (const auto& [of_y, of_z] : section_) {
+          store(r + of_y * y + of_z * z, x);
+          x += 3;
+        }
+      }
+  }
+  /// The y axis of the section before, carried on without twist.
+  static void next_axes(const Vec3& along, Vec3& y, Vec3& z) {
+    const Vec3 t = along.norm() > 0 ? Vec3(along.normalized()) : Vec3(Vec3::UnitX());
+    Vec3 side = y - y.dot(t) * t;
+    if (side.norm() < 1e-6) {
+      Vec3::Index least = 0;
+      t.cwiseAbs().minCoeff(&least);
+      side = t.cross(Vec3(Vec3::Unit(least)));
+    }
+    y = side.normalized();
+    z = t.cross(y);
+  }
+  Index elements_;
+  int step_;
+  double length_;
+  Index pieces_;
+  std::vector<std::array<double, 2>> section_;
+};
+
+/// Both sides of a plate.
+class ShellSkin final : public Skin {
+ public:
+  explicit ShellSkin(const model::ShellSpec& spec) : half_(0.5 * spec.thickness) {
+    const Index nx = spec.nx + 1, ny = spec.ny + 1;
+    below_ = nx * ny;
+    for (Index side = 0; side < 2; ++side)
+      for (Index k = 0; k < below_; ++k) labels.push_back(k + 1);
+    for (Index j = 0; j + 1 < ny; ++j)
+      for (Index i = 0; i + 1 < nx; ++i) {
+        const Index a = j * nx + i;
+        std::vector<Index> top = {a, a + 1, a + nx + 1, a + nx};
+        std::vector<Index> bottom(top.rbegin(), top.rend());
+        for (Index& k : bottom) k += below_;
+        for (const auto* face : {&top, &bottom}) {
+          add_triangles(*face, 4, triangles);
+          add_outline(*face, 4, edges);
+        }
+      }
+    const auto rim = [&](Index a, Index b) { add_triangles({b, a, a + below_, b + below_}, 4, triangles); };
+    for (Index i = 0; i + 1 < nx; ++i) rim(i, i + 1), rim((ny - 1) * nx + i + 1, (ny - 1) * nx + i);
+    for (Index j = 0; j + 1 < ny; ++j) rim((j + 1) * nx, j * nx), rim(j * nx + nx - 1, (j + 1) * nx + nx - 1);
+    remove_repeats(edges);
+  }
+  void place(const double* vertices, double* x) const override {
+    for (const double side : {half_, -half_})
+      for (Index k = 0; k < below_; ++k, x += 3)
+        store(vector_at(vertices + 6 * k) + side * vector_at(vertices + 6 * k + 3), x);
+  }
+
+ private:
+  double half_;
+  Index below_ = 0;
+};
+
+/// Nodes with lines between some of them.
+class NodeSkin final : public Skin {
+ public:
+  NodeSkin(const model::BuiltBody& body) : step_(body.flexible->vertices_per_node()) {
+    const auto* parts = std::get_if<model::SubstructureSpec>(&body.spec.shape);
+    for (Index k = 0; k < body.flexible->nodes(); ++k)
+      labels.push_back(parts != nullptr && at(k) < parts->nodes.size() ? parts->nodes[at(k)].label : k + 1);
+    if (parts == nullptr) return;
+    for (const auto& [a, b] : parts->lines) {
+      const auto from = parts->find(a), to = parts->find(b);
+      if (from && to) edges.push_back({*from, *to});
+    }
+  }
+  void place(const double* vertices, double* x) const override {
+    for (Index k = 0; k < points(); ++k) std::copy_n(vertices + 3 * step_ * k, 3, x + 3 * k);
+  }
+
+ private:
+  int step_;
+};
+
+std::vector<std::array<double, 2>> circle(double radius) {
+  constexpr int kAround = 12;
+  std::vector<std::array<double, 2>> points;
+  for (int k = 0; k < kAround; ++k) {
+    const double angle = 2 * std::numbers::pi * k / kAround;
+    points.push_back({radius * std::cos(angle), radius * std::sin(angle)});
+  }
+  return points;
+}
+
+/// Whatever has these moments of area: J / I is 2 of a circle, 1.7 of a square.
+std::vector<std::array<double, 2>> outline_of(const BeamSection& s, double length) {
+  const double least = 1e-3 * length;
+  const auto size = [&](double bending) { return std::max(least, std::sqrt(std::max(0.0, 12 * bending / s.axial))); };
+  const double height = size(s.bending_z), width = size(s.bending_y);
+  const double ratio = s.torsion / s.bending_y * s.section_normal / s.section_shear;
+  if (std::abs(height - width) < 1e-6 * height && ratio > 1.9) return circle(height / std::sqrt(3.0));
+  return {{-height / 2, -width / 2}, {height / 2, -width / 2}, {height / 2, width / 2}, {-height / 2, width / 2}};
+}
+
+}  // namespace
+
+const std::vector<Index>& Skin::nodes() const {
+  static const std::vector<Index> none;
+  return none;
+}
+
+std::unique_ptr<Skin> make_skin(const model::BuiltBody& body) {
+  if (body.mesh) return std::make_unique<SolidSkin>(*body.mesh);
+  if (const auto* shell = std::get_if<model::ShellSpec>(&body.spec.shape)) return std::make_unique<ShellSkin>(*shell);
+  if (const auto* cable = std::get_if<model::CableSpec>(&body.spec.shape)) {
+    const double length = (cable->end - cable->start).norm();
+    const double radius = 2 * std::sqrt(std::max(0.0, cable->section.bending / cable->section.axial));
+    return std::make_unique<LineSkin>(cable->elements, 2, length / cable->elements,
+                                      circle(std::max(1e-3 * length, std::isfinite(radius) ? radius : 0.0)));
+  }
+  if (const auto* beam = std::get_if<model::BeamSpec>(&body.spec.shape)) {
+    const double element = make_beam_axis(*beam->axis, beam->y, beam->elements).element_length;
+    return std::make_unique<LineSkin>(beam->elements, 4, element, outline_of(beam->section, element * beam->elements));
+  }
+  return std::make_unique<NodeSkin>(body);
+}
+
+}  // namespace espalier::dynamics::page
