@@ -21,6 +21,10 @@
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/identity.hpp"
 
+namespace espalier::dynamics {
+class ModalDamping;
+}
+
 namespace espalier::dynamics::model {
 
 /// One body of the system; one of the first three pointers is set.
@@ -89,6 +93,7 @@ class Mechanism {
   std::vector<StateFunctionPtr> conditions;                       ///< of the model's events, in their order
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
   std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
+  ModalDamping* modal_damping = nullptr;                          ///< null: no body asks for it
   Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
   std::vector<std::string> notices;  ///< what joints do not fit at the start, and how they hold faces
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece

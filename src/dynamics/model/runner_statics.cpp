@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "dynamics/integrators/vibrations.hpp"
+#include "dynamics/model/fields/mode_values.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 
@@ -147,8 +148,12 @@ void Runner::find_modes() {
   Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
+  std::optional<double> load;
+  if (model_.statics) load = load_;
+  const ModeValues values(*mechanism_, state_, quantities_, load);
   for (Mode& mode : found.modes) {
-    summary_.modes.push_back({mode.frequency, mode.damping_ratio});
+    summary_.modes.push_back({mode.frequency, mode.damping_ratio, 0, {}});
+    values.add(mode.shape, summary_.modes.back());
     shapes_.push_back(std::move(mode.shape));
   }
 }
