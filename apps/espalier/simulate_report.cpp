@@ -41,6 +41,13 @@ std::string solver_line(const SimulationSummary& s) {
                      base::format_bytes(s.peak_bytes));
 }
 
+/// Where an extreme is.
+std::string place_text(const SimulationExtreme& x) {
+  if (x.body.empty()) return "";
+  const std::string where = fmt::format("({:g} {:g} {:g}) of '{}'", x.place[0], x.place[1], x.place[2], x.body);
+  return x.node != 0 ? fmt::format(", node {} {}", x.node, where) : ", " + where;
+}
+
 }  // namespace
 
 std::string simulate_headline(const SimulationSummary& s) {
@@ -105,6 +112,14 @@ std::string simulate_summary(const SimulationSummary& s) {
     for (const auto& [name, value] : s.values) values.add({name, fmt::format("{:.9g}", value)});
     text += values.text();
   }
+  if (!s.envelopes.empty()) {
+    Table extremes("<><");
+    for (const SimulationEnvelope& e : s.envelopes)
+      for (const auto& [word, x] : {std::pair{"largest", e.largest}, std::pair{"least", e.least}})
+        extremes.add({fmt::format("{}, {}", e.quantity, word), fmt::format("{:.9g}", x.value),
+                      fmt::format("at {:g}{}", x.t, place_text(x))});
+    text += extremes.text();
+  }
   for (const std::string& file : s.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
@@ -135,12 +150,18 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                   {"relaxed", s.statics_relaxed},
                   {"critical", critical}};
   Json modes = Json::array();
-  for (const SimulationMode& m : s.modes)
-    modes.push_back({{"frequency", m.frequency},
-                     {"damping_ratio", m.damping_ratio},
-                     {"growth", m.growth},
-                     {"whirl", m.whirl},
-                     {"standing_frequency", number(m.standing_frequency)}});
+  for (const SimulationMode& m : s.modes) {
+    Json mode = {{"frequency", m.frequency},
+                 {"damping_ratio", m.damping_ratio},
+                 {"growth", m.growth},
+                 {"whirl", m.whirl},
+                 {"standing_frequency", number(m.standing_frequency)}};
+    if (!m.values.empty()) {
+      mode["displacement"] = number(m.displacement);
+      for (const auto& [name, value] : m.values) mode["values"][name] = number(value);
+    }
+    modes.push_back(std::move(mode));
+  }
   j["initial"]["modes"] = modes;
   Json peaks = Json::array();
   for (const SimulationPeak& p : s.peaks)
@@ -198,6 +219,17 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                  {"peak_bytes", s.peak_bytes}};
   j["values"] = Json::object();
   for (const auto& [name, value] : s.values) j["values"][name] = number(value);
+  for (const SimulationEnvelope& e : s.envelopes) {
+    const auto extreme = [&](const SimulationExtreme& x) {
+      Json out = {{"value", number(x.value)}, {"t", x.t}};
+      if (x.body.empty()) return out;
+      out["body"] = x.body;
+      if (x.node != 0) out["node"] = x.node;
+      out["place"] = x.place;
+      return out;
+    };
+    j["envelopes"].push_back({{"quantity", e.quantity}, {"largest", extreme(e.largest)}, {"least", extreme(e.least)}});
+  }
   j["files"] = s.files;
   j["matrices_written"] = s.dumped;
   return j;

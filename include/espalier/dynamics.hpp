@@ -11,6 +11,7 @@
 /// back by restore() to what save() gave him.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -162,6 +163,23 @@ struct SimulationMode {
   /// The frequency as seen from axes at rest, negative against the rotation: that of a path that is a circle, or of
   /// what does not circle at all. NaN: there are two, frequency + n and frequency - n, n the turns per unit of time.
   double standing_frequency = 0;
+  /// Of the shape with a modal mass of 1 (x^T M x = 1): its largest displacement, and the chosen quantities that are
+  /// stresses, strains or forces in sections, as amplitudes.
+  double displacement = 0;
+  std::vector<std::pair<std::string, double>> values = {};
+};
+
+/// An extreme of a quantity over a run, at the ends of steps, and where it is.
+struct SimulationExtreme {
+  double value = 0;
+  double t = 0;                   ///< time; load factor
+  std::string body;               ///< empty: the quantity is not that of a place on a body
+  std::int64_t node = 0;          ///< its label; 0: not at a node
+  std::array<double, 3> place{};  ///< in the coordinates of the mesh
+};
+struct SimulationEnvelope {
+  std::string quantity;
+  SimulationExtreme largest, least;
 };
 
 /// The highest amplitude of a quantity in the frequency response, see [harmonic] of a model.
@@ -245,6 +263,7 @@ struct SimulationSummary {
 
   // Results
   std::vector<std::pair<std::string, double>> values;  ///< the chosen quantities at the end
+  std::vector<SimulationEnvelope> envelopes;           ///< of [output] envelopes
   std::vector<std::string> files;                      ///< written, csv, pvd, restart
   long dumped = 0;                                     ///< matrices written
 };

@@ -151,6 +151,31 @@ nb::dict fields(const SimulationSummary& s) {
   nb::dict values;
   for (const auto& [name, value] : s.values) values[name.c_str()] = value;
   d["values"] = values;
+  nb::list envelopes, mode_values;
+  const auto extreme = [](const SimulationExtreme& x) {
+    nb::dict out;
+    out["value"] = x.value;
+    out["t"] = x.t;
+    if (x.body.empty()) return out;
+    out["body"] = x.body;
+    if (x.node != 0) out["node"] = x.node;
+    out["place"] = nb::make_tuple(x.place[0], x.place[1], x.place[2]);
+    return out;
+  };
+  for (const SimulationEnvelope& e : s.envelopes) {
+    nb::dict envelope;
+    envelope["quantity"] = e.quantity;
+    envelope["largest"] = extreme(e.largest);
+    envelope["least"] = extreme(e.least);
+    envelopes.append(envelope);
+  }
+  for (const SimulationMode& m : s.modes) {
+    nb::dict of_mode;
+    for (const auto& [name, value] : m.values) of_mode[name.c_str()] = value;
+    mode_values.append(of_mode);
+  }
+  d["envelopes"] = envelopes;
+  d["mode_values"] = mode_values;
   d["files"] = s.files;
   return d;
 }

@@ -166,6 +166,33 @@ bool evaluate_beam(const BeamSection& section, double length, const ElementInput
   return evaluate_tangent(section, length, in, out);
 }
 
+bool sample_beam(const BeamSection& section, double length, const double* reference, const double* position,
+                 ElementSamples& out) {
+  Kinematics<0> initial, now;
+  Jet<kBeamVariables, 0> natural[kBeamStrains], strains[kBeamStrains];
+  Jet3<kBeamVariables, 0> initial_phi, phi;
+  if (!initial.set(reference) || !beam_strains<0>(initial.state, length, natural, initial_phi)) return false;
+  if (!now.set(position) || !beam_strains<0>(now.state, length, strains, phi)) return false;
+  double d[kBeamStrains];
+  for (int s = 0; s < kBeamStrains; ++s) d[s] = strains[s].v - natural[s].v;
+  // b_1 of the torsion's slope, see beam_strain.hpp: what c = 0 leaves the least energy.
+  const double y = phi.x[1].v, z = phi.x[2].v;
+  const double c = 2.0 / 3 * (section.bending_y * z * d[8] - section.bending_z * y * d[10]);
+  const double k = 16.0 / 3 * section.torsion + 4.0 / 9 * (section.bending_y * z * z + section.bending_z * y * y);
+  const double per = (k > 0 ? -c * length / k : 0) / length;
+  for (int p = 0; p < 3; ++p) {
+    const double xi = p - 1;
+    const double force[6] = {section.axial * (d[0] + xi * d[1] + 0.5 * (3 * xi * xi - 1) * d[2]),
+                             section.shear_y * (d[3] + xi * d[4]),
+                             section.shear_z * (d[5] + xi * d[6]),
+                             section.torsion * (d[7] - 4 * per * xi),
+                             section.bending_y * (d[8] + 2.0 / 3 * per * z + xi * d[9]),
+                             section.bending_z * (d[10] - 2.0 / 3 * per * y + xi * d[11])};
+    std::copy_n(force, 6, out.value[p]);
+  }
+  return true;
+}
+
 void beam_mass(const BeamSection& section, double length, double* m) {
   std::fill_n(m, kVertices * kVertices, 0.0);
   for (const LinePoint& point : kGauss5) {  // degree 9 >= 6

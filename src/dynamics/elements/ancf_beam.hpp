@@ -22,6 +22,11 @@ namespace espalier::dynamics {
 /// backwards), or when it turns by a full circle (output undefined)
 [[nodiscard]] bool evaluate_beam(const BeamSection& section, double length, const ElementInput& in, ElementOutput& out);
 
+/// Section forces at -1, 0, 1 along the element, in the axes of the section: N, Qy, Qz, T, My, Mz, those that the part
+/// ahead (along x) exerts on the part behind. @return as evaluate_beam()
+[[nodiscard]] bool sample_beam(const BeamSection& section, double length, const double* reference,
+                               const double* position, ElementSamples& out);
+
 /// Consistent mass, 8 x 8 (exact).
 void beam_mass(const BeamSection& section, double length, double* m);
 

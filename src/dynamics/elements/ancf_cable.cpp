@@ -229,6 +229,31 @@ bool evaluate_cable(const CableSection& section, double length, const ElementInp
   return out.tangent == nullptr ? evaluate_force(section, length, in, out) : evaluate_tangent(section, length, in, out);
 }
 
+bool sample_cable(const CableSection& section, double length, const double* position, ElementSamples& out) {
+  Parts parts;
+  read_parts(position, parts.at);
+  double mean[4] = {}, slope[4] = {};  // of N and the moment
+  const auto add = [&](int i, const LinePoint& at, double value) {
+    mean[i] += 0.5 * at.weight * value;
+    slope[i] += 1.5 * at.weight * at.xi * value;
+  };
+  const auto slope_at = [&](const Hermite& h) { return Parts::sum({h.d[2], h.d[1], h.d[3]}, parts.at); };
+  for (const LinePoint& at : kGauss5) {
+    const V3 tangent = slope_at(Hermite(at.xi, length));
+    const double stretch = std::sqrt(dot(tangent, tangent));
+    if (!(stretch > 0)) return false;
+    add(0, at, section.axial * (stretch - 1));
+  }
+  for (const LinePoint& at : kGauss3) {
+    const Hermite h(at.xi, length);
+    const V3 a = slope_at(h), b = Parts::sum({h.dd[2], h.dd[1], h.dd[3]}, parts.at), turn = cross(a, b);
+    for (int i = 0; i < 3; ++i) add(1 + i, at, section.bending / dot(a, a) * turn.x[i]);
+  }
+  for (int p = 0; p < 3; ++p)
+    for (int i = 0; i < 4; ++i) out.value[p][i] = mean[i] + (p - 1) * slope[i];
+  return true;
+}
+
 void cable_mass(const CableSection& section, double length, double* m) {
   std::fill_n(m, kVertices * kVertices, 0.0);
   for (const LinePoint& point : kGauss5) {  // degree 9 >= 6

@@ -22,6 +22,11 @@ struct CableSection {
 [[nodiscard]] bool evaluate_cable(const CableSection& section, double length, const ElementInput& in,
                                   ElementOutput& out);
 
+/// N and the moment in global axes at -1, 0, 1 along the element, of strains that are made linear along it (least
+/// squares): those of r' itself swing about them. @return as evaluate_cable()
+[[nodiscard]] bool sample_cable(const CableSection& section, double length, const double* position,
+                                ElementSamples& out);
+
 /// Consistent mass, 4 x 4 (exact).
 void cable_mass(const CableSection& section, double length, double* m);
 

@@ -60,6 +60,18 @@ bool evaluate_shell(const Material& material, double thickness, const ElementInp
   return true;
 }
 
+void shell_to_hexahedron(const double* shell, double thickness, double* hex) {
+  to_hexahedron(shell, 0.5 * thickness, hex);
+}
+
+bool sample_shell(const Material& material, double thickness, const double* reference, const double* position,
+                  ElementSamples& out) {
+  double from[kShellDofs], to[kShellDofs];
+  to_hexahedron(reference, 0.5 * thickness, from);
+  to_hexahedron(position, 0.5 * thickness, to);
+  return sample_hex8(Hex8Formulation::shell, material, from, to, out);
+}
+
 void shell_mass(double density, double thickness, const double* reference, double* m) {
   constexpr int kVertices = 2 * kNodes;
   double hex[kShellDofs], mass[kVertices * kVertices], half = 0.5 * thickness;

@@ -18,6 +18,13 @@ namespace espalier::dynamics {
 [[nodiscard]] bool evaluate_shell(const Material& material, double thickness, const ElementInput& in,
                                   ElementOutput& out);
 
+/// The nodes of the hexahedron that a shell is: bottom, then top. @param shell, hex 24 numbers each
+void shell_to_hexahedron(const double* shell, double thickness, double* hex);
+
+/// As sample_hex8().
+[[nodiscard]] bool sample_shell(const Material& material, double thickness, const double* reference,
+                                const double* position, ElementSamples& out);
+
 /// Consistent mass, 8 x 8 (2 x 2 x 2 points, exact for parallelograms).
 void shell_mass(double density, double thickness, const double* reference, double* m);
 

@@ -50,6 +50,16 @@ struct BlockOutput {
   double* energy = nullptr;  ///< one per lane
 };
 
+/// Where an element says what is in it, for outputs: nowhere, in the middle, at the four points of a tetrahedron of
+/// second order, at the 2 x 2 x 2 Gauss points of a hexahedron, or at -1, 0, 1 along a line.
+enum class SamplePoints { none, centre, tetrahedron, hexahedron, line };
+
+/// What is there. Solids and shells: strains of Green and Lagrange in the order 11 22 33 12 23 13, shear twice, as the
+/// element assumes them. Beams: N Qy Qz T My Mz. Cables: N and the moment in global axes. All without viscous stress.
+struct ElementSamples {
+  double value[8][6] = {};
+};
+
 /// A set of elements of one kind. Stateless: evaluate() is a function of its arguments alone, so that calls from
 /// several threads, in any order, give the same bits.
 class ElementGroup {
@@ -70,6 +80,12 @@ class ElementGroup {
   [[nodiscard]] virtual const DeviceLaw* device_law() const { return nullptr; }
   /// Consistent mass, vertices x vertices, one number per pair: integral of density * N_a * N_b.
   virtual void mass(Index e, const double* reference, double* m) const = 0;
+  [[nodiscard]] virtual SamplePoints sample_points() const { return SamplePoints::none; }
+  /// @return false when the element has turned inside out (output undefined)
+  [[nodiscard]] virtual bool sample(Index /*e*/, const double* /*reference*/, const double* /*position*/,
+                                    ElementSamples& /*out*/) const {
+    return false;
+  }
   /// Number of the element in messages (its number in the mesh file, or its position counted from 1).
   [[nodiscard]] virtual std::int64_t label(Index e) const { return e + 1; }
 };

@@ -57,6 +57,12 @@ class SolidGroup final : public ElementGroup {
   void mass(Index, const double* reference, double* m) const override {
     solid_mass(type_, material_.density, reference, m);
   }
+  [[nodiscard]] SamplePoints sample_points() const override { return solid_samples(type_); }
+  [[nodiscard]] bool sample(Index, const double* reference, const double* position,
+                            ElementSamples& out) const override {
+    if (assumed_strain_) return sample_hex8(options_.hex8, material_, reference, position, out);
+    return sample_solid(type_, reference, position, out);
+  }
   [[nodiscard]] std::int64_t label(Index e) const override { return labels_[static_cast<std::size_t>(e)]; }
 
  private:
@@ -138,6 +144,10 @@ class CableGroup final : public ChainGroup<2> {
   }
   [[nodiscard]] const DeviceLaw* device_law() const override { return cables_.length > 0 ? &law_ : nullptr; }
   void mass(Index e, const double*, double* m) const override { cable_mass(section_, length(e), m); }
+  [[nodiscard]] SamplePoints sample_points() const override { return SamplePoints::line; }
+  [[nodiscard]] bool sample(Index e, const double*, const double* position, ElementSamples& out) const override {
+    return sample_cable(section_, length(e), position, out);
+  }
 
  private:
   CableSection section_;
@@ -154,6 +164,11 @@ class BeamGroup final : public ChainGroup<4> {
     return evaluate_beam(section_, length(e), in, out);
   }
   void mass(Index e, const double*, double* m) const override { beam_mass(section_, length(e), m); }
+  [[nodiscard]] SamplePoints sample_points() const override { return SamplePoints::line; }
+  [[nodiscard]] bool sample(Index e, const double* reference, const double* position,
+                            ElementSamples& out) const override {
+    return sample_beam(section_, length(e), reference, position, out);
+  }
 
  private:
   BeamSection section_;
@@ -187,6 +202,11 @@ class ShellGroup final : public VertexGroup<8> {
   [[nodiscard]] const DeviceLaw* device_law() const override { return &law_; }
   void mass(Index, const double* reference, double* m) const override {
     shell_mass(material_.density, thickness_, reference, m);
+  }
+  [[nodiscard]] SamplePoints sample_points() const override { return SamplePoints::hexahedron; }
+  [[nodiscard]] bool sample(Index, const double* reference, const double* position,
+                            ElementSamples& out) const override {
+    return sample_shell(material_, thickness_, reference, position, out);
   }
 
  private:

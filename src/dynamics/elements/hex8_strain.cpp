@@ -290,4 +290,18 @@ bool evaluate_hex8(Hex8Formulation formulation, const Material& material, const 
   return evaluate(formulation, material, in, out);
 }
 
+bool sample_hex8(Hex8Formulation formulation, const Material& material, const double* reference, const double* position,
+                 ElementSamples& out) {
+  Element e;
+  Response r;
+  if (!prepare(formulation, {reference, position, nullptr}, e)) return false;
+  if (!solve_modes(StrainMaterial(material), e, r)) return false;
+  for (int q = 0; q < kPoints; ++q)
+    for (int m = 0; m < 6; ++m) {
+      out.value[q][m] = e.point[q].strain[m];
+      for (int k = 0; k < e.modes; ++k) out.value[q][m] += e.point[q].m[m][k] * e.alpha[k];
+    }
+  return true;
+}
+
 }  // namespace espalier::dynamics

@@ -33,4 +33,9 @@ enum class Hex8Formulation {
 [[nodiscard]] bool evaluate_hex8(Hex8Formulation formulation, const Material& material, const ElementInput& in,
                                  ElementOutput& out);
 
+/// The strains that the element assumes at its integration points, with the enhanced parameters of its equilibrium.
+/// @return as evaluate_hex8()
+[[nodiscard]] bool sample_hex8(Hex8Formulation formulation, const Material& material, const double* reference,
+                               const double* position, ElementSamples& out);
+
 }  // namespace espalier::dynamics

@@ -237,6 +237,39 @@ bool evaluate_solid(ElementType type, Rule rule, const Material& material, const
   }
 }
 
+SamplePoints solid_samples(ElementType type) {
+  if (type == ElementType::tet4) return SamplePoints::centre;
+  return type == ElementType::tet10 ? SamplePoints::tetrahedron : SamplePoints::hexahedron;
+}
+
+bool sample_solid(ElementType type, const double* reference, const double* position, ElementSamples& out) {
+  constexpr int kPairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {0, 2}};
+  const bool hexahedron = solid_samples(type) == SamplePoints::hexahedron;
+  const auto points = quadrature(hexahedron ? ElementType::hex8 : type, Rule::stiffness);
+  const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
+  for (std::size_t q = 0; q < points.size(); ++q) {
+    double dn[3 * kMaxElementNodes];
+    shape_gradients(type, points[q].xi.data(), dn);
+    Mat33 jacobian = {}, shift = {}, inverse, grad;
+    for (std::size_t a = 0; a < nodes; ++a)
+      for (std::size_t i = 0; i < 3; ++i)
+        for (std::size_t d = 0; d < 3; ++d) {
+          jacobian[i][d] += reference[3 * a + i] * dn[d * nodes + a];
+          shift[i][d] += (position[3 * a + i] - reference[3 * a + i]) * dn[d * nodes + a];
+        }
+    if (!(invert(jacobian, inverse) > 0)) return false;
+    multiply(shift, inverse, grad);
+    if (!(volume_change(grad) > -1)) return false;
+    for (int m = 0; m < 6; ++m) {
+      const auto [i, j] = kPairs[m];
+      double twice = grad[i][j] + grad[j][i];
+      for (int k = 0; k < 3; ++k) twice += grad[k][i] * grad[k][j];
+      out.value[q][m] = m < 3 ? 0.5 * twice : twice;
+    }
+  }
+  return true;
+}
+
 void solid_mass(ElementType type, double density, const double* reference, double* m) {
   const SampledSolid& solid = sampled(type);
   const SampledShape& shape = solid.mass.smallest_jacobian(reference) > 0 ? solid.mass : solid.stiffness;

@@ -16,6 +16,12 @@ namespace espalier::dynamics {
 [[nodiscard]] bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in,
                                   ElementOutput& out);
 
+/// Its strains at the points of solid_samples(). @return as evaluate_solid()
+[[nodiscard]] bool sample_solid(ElementType type, const double* reference, const double* position, ElementSamples& out);
+/// Where the stresses of a displacement-based solid are best: the middle of tet4, the four points of tet10, and 2 x 2 x
+/// 2 Gauss points of hexahedra, also of second order (J. Barlow, Int. J. Num. Meth. Engng. 10, 1976).
+[[nodiscard]] SamplePoints solid_samples(ElementType type);
+
 /// Consistent mass of one solid, nodes x nodes: integral of density * N_a * N_b, with Rule::mass, or with
 /// Rule::stiffness where the element is folded at a point of the former: a negative volume there could make the matrix
 /// indefinite, positive weights cannot.

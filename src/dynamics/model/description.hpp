@@ -83,16 +83,24 @@ struct SolidSpec {
   std::optional<Material> material;  ///< none: what the mesh file states
   SolidOptions options;
 };
+/// What stresses in a section need beside its stiffness.
+struct SectionOutline {
+  double young = 0;
+  double radius = 0;             ///< of a circle; 0: a rectangle
+  double height = 0, width = 0;  ///< along y and z
+};
 struct CableSpec {
   Vec3 start, end;
   Index elements = 10;
   CableSection section;
+  std::optional<SectionOutline> outline{};  ///< none: the section is given by its constants
 };
 struct BeamSpec {
   std::shared_ptr<const AxisShape> axis;  ///< never null
   Vec3 y;
   Index elements = 10;
   BeamSection section;
+  std::optional<SectionOutline> outline{};  ///< none: the section is given by its constants
 };
 /// A plate of nx x ny shells: origin + s x + t y, s and t in [0, 1]; flat, or with x bent to an arc of the same length
 /// that leaves the origin along x and turns towards the normal, x cross y.
@@ -134,6 +142,10 @@ struct BodySpec {
   Mat3 rotation = Mat3::Identity();
   Vec3 position = Vec3::Zero(), velocity = Vec3::Zero(), angular_velocity = Vec3::Zero();
   RayleighDamping damping;
+  double modal_damping = 0;  ///< ratio of critical damping in the modes of the supported model
+  /// Structural damping: stiffness times (1 + i loss_factor). Motions take the viscous damping that is the same at
+  /// loss_frequency (cycles per unit of time; 0: none given).
+  double loss_factor = 0, loss_frequency = 0;
   std::optional<ReductionOptions> reduction;  ///< of flexible bodies; none: all nodes move
   [[nodiscard]] bool rigid() const { return std::holds_alternative<RigidSpec>(shape); }
 };
@@ -380,6 +392,7 @@ struct InitialSpec {
 struct OutputSpec {
   Place place;
   std::vector<std::string> quantities;  ///< columns of the CSV file
+  std::vector<std::string> envelopes;   ///< whose extremes over the run are wanted
   double csv_interval = 0;              ///< 0: every step
   bool energies = true, constraints = true, reactions = false, step_data = false;
   double vtu_interval = -1;      ///< 0: every step; < 0: none

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/model/fields/field_quantity.hpp"
+
 namespace espalier::dynamics::model {
 
 using harmonic::Complex;
@@ -29,8 +31,16 @@ HarmonicObserver::HarmonicObserver(Mechanism& mechanism, const State& state, con
       load_(load),
       scene_(mechanism),
       here_(values(state)) {
+  std::size_t count = 0;
+  Sample sample{&state_, {}};
+  for (std::size_t i = 0; i < quantities_.size(); ++i) {
+    first_.push_back(count);
+    count += quantities_[i].field ? quantities_[i].field->numbers(sample).size() : 1;
+    owner_.resize(count, i);
+  }
+  first_.push_back(count);
   for (const std::vector<DrivenNumber>& parts : loads) {
-    std::vector<Complex> sum(quantities_.size());
+    std::vector<Complex> sum(here_.size());
     for (const DrivenNumber& part : parts) {
       const double before = *part.number;
       const Numbers d = derivative(part.step, [&](double h, State&) { *part.number = before + h; });
@@ -47,7 +57,14 @@ HarmonicObserver::Numbers HarmonicObserver::values(const State& s) const {
   Sample sample{&s, {}};
   sample.load = load_;
   Numbers out;
-  for (const Quantity& q : quantities_) out.push_back(q.value(sample));
+  for (const Quantity& q : quantities_) {
+    if (!q.field) {
+      out.push_back(q.value(sample));
+      continue;
+    }
+    const Numbers own = q.field->numbers(sample);
+    out.insert(out.end(), own.begin(), own.end());
+  }
   return out;
 }
 
@@ -60,9 +77,10 @@ HarmonicObserver::Numbers HarmonicObserver::derivative(double step, const Place&
     place(ways[k] * step, s);
     at[k] = values(s);
   }
-  Numbers out(quantities_.size());
+  Numbers out(here_.size());
   for (std::size_t i = 0; i < out.size(); ++i) {
     out[i] = (8 * (at[2][i] - at[1][i]) - (at[3][i] - at[0][i])) / (12 * step);
+    if (quantities_[owner_[i]].field) continue;  // smooth
     // Bent sides: a smooth function's grow with the square of the step, those of a kink with the step.
     const double near = at[2][i] + at[1][i] - 2 * here_[i], far = at[3][i] + at[0][i] - 2 * here_[i];
     const double size = std::abs(at[2][i]) + std::abs(at[1][i]) + std::abs(here_[i]);
@@ -71,7 +89,7 @@ HarmonicObserver::Numbers HarmonicObserver::derivative(double step, const Place&
       throw Error(StatusCode::invalid_input,
                   fmt::format("the quantity {} has a kink where the model is linearised (a length or another absolute "
                               "value that is zero there): it has no harmonic response; ask for its components",
-                              quantities_[i].name));
+                              quantities_[owner_[i]].name));
   }
   return out;
 }
@@ -89,7 +107,7 @@ double HarmonicObserver::step_of(const std::vector<double>& dq) const {
 }
 
 HarmonicObserver::Numbers HarmonicObserver::along(const Direction& d) const {
-  Numbers sum(quantities_.size(), 0.0);
+  Numbers sum(here_.size(), 0.0);
   const auto add = [&](const Numbers& part) {
     for (std::size_t i = 0; i < sum.size(); ++i) sum[i] += part[i];
   };
@@ -119,6 +137,7 @@ void HarmonicObserver::observe(double w, Index load, const Complex* x, Complex* 
   const auto n = static_cast<std::size_t>(linearised_.n);
   const std::size_t rows = linearised_.rows.size();
   const Complex iw(0, w);
+  std::vector<Complex> numbers(here_.size());
   for (const bool imaginary : {false, true}) {
     const auto part = [&](const Complex& z) { return imaginary ? z.imag() : z.real(); };
     Direction d{Numbers(n), Numbers(n), Numbers(n), Numbers(state_.lambda.size(), 0.0)};
@@ -138,15 +157,25 @@ void HarmonicObserver::observe(double w, Index load, const Complex* x, Complex* 
     const Numbers values = along(d);
     for (std::size_t i = 0; i < values.size(); ++i) {
       if (imaginary)
-        y[i].imag(values[i]);
+        numbers[i].imag(values[i]);
       else
-        y[i] = values[i];
+        numbers[i] = values[i];
     }
   }
+  if (load >= 0) {
+    const std::vector<Complex>& direct = direct_[static_cast<std::size_t>(load)];
+    for (std::size_t i = 0; i < direct.size(); ++i) numbers[i] += direct[i];
+  }
+  combine(numbers, y);
   if (load < 0) return;
-  const std::vector<Complex>& direct = direct_[static_cast<std::size_t>(load)];
-  for (std::size_t i = 0; i < direct.size(); ++i) y[i] += direct[i];
   if (measured_[static_cast<std::size_t>(load)]++ < kNoiseSamples) measure_noise(w, load, x);
+}
+
+void HarmonicObserver::combine(const std::vector<Complex>& numbers, Complex* y) const {
+  const std::span<const Complex> all(numbers);
+  for (std::size_t i = 0; i < quantities_.size(); ++i)
+    y[i] = quantities_[i].field ? quantities_[i].field->amplitude(all.subspan(first_[i], first_[i + 1] - first_[i]))
+                                : numbers[first_[i]];
 }
 
 // A motion as large as this one, but with signs at random: symmetry makes nothing zero in it.
@@ -169,7 +198,10 @@ void HarmonicObserver::measure_noise(double w, Index load, const Complex* x) {
     d.a[i] = w * d.v[i];
   }
   for (const Index row : linearised_.rows) d.lambda[static_cast<std::size_t>(row)] = sign() * force;
-  const Numbers size = along(d);
+  const Numbers values = along(d);
+  const std::vector<Complex> numbers(values.begin(), values.end());
+  std::vector<Complex> size(quantities_.size());
+  combine(numbers, size.data());
   Numbers& noise = noise_[static_cast<std::size_t>(load)];
   for (std::size_t i = 0; i < size.size(); ++i) noise[i] = std::max(noise[i], kNoisePart * std::abs(size[i]));
 }

@@ -41,12 +41,14 @@ class HarmonicObserver final : public harmonic::Observer {
   struct Direction {
     std::vector<double> q, v, a, lambda;
   };
-  /// Numbers of all quantities.
+  /// Numbers of all quantities; those of fields are numbers at their sites, which are linear in the motion.
   using Numbers = std::vector<double>;
   [[nodiscard]] Numbers values(const State& s) const;
   /// Derivatives along a parameter h of states. @param step  of h
   template <class Place>
   Numbers derivative(double step, const Place& place) const;
+  /// What the quantities make of them.
+  void combine(const std::vector<harmonic::Complex>& numbers, harmonic::Complex* y) const;
   [[nodiscard]] Numbers along(const Direction& d) const;
   [[nodiscard]] double step_of(const std::vector<double>& dq) const;
   void measure_noise(double w, Index load, const harmonic::Complex* x);
@@ -59,9 +61,11 @@ class HarmonicObserver final : public harmonic::Observer {
   std::optional<double> load_;
   std::function<void(State&)> share_;
   mutable Scene scene_;
+  std::vector<std::size_t> first_;  // number of each quantity, and their count
+  std::vector<std::size_t> owner_;  // quantity of each number
   Numbers here_;
   std::vector<std::vector<std::complex<double>>> direct_;  // of each load
-  std::vector<Numbers> noise_;                             // likewise
+  std::vector<Numbers> noise_;                             // of each load, by quantity
   std::vector<int> measured_;
 };
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "dynamics/model/fields/field_quantity.hpp"
 #include "dynamics/model/harmonic_observer.hpp"
 #include "harmonic/respond.hpp"
 
@@ -100,11 +101,26 @@ void check_rest(const HarmonicCase& of) {
                    of.equations.system().coordinate_name(static_cast<Index>(fastest - v.begin())), *fastest));
 }
 
+// What is not linear in the motion can be given where each frequency is solved, or not at all.
+void check_quantities(const HarmonicCase& of) {
+  for (const Quantity& q : of.quantities) {
+    if (q.name.find(".strain_energy") != std::string::npos || q.name.find(".direction_") != std::string::npos)
+      fail(of.spec.place,
+           fmt::format("\"{}\" has no amplitude: it does not swing with the load; ask for stresses", q.name));
+    if (q.field && !q.field->is_linear() && of.spec.options.tolerance > 0)
+      fail(of.spec.place,
+           fmt::format("\"{}\" is a largest value over a period, which cannot be interpolated between frequencies: "
+                       "leave 'tolerance' out, or ask for single components at single places",
+                       q.name));
+  }
+}
+
 }  // namespace
 
 ModelHarmonicResult run_harmonic(const HarmonicCase& of) {
   if (of.quantities.empty())
     fail(of.spec.place, "names no quantities, and there are none in [output]; give quantities = [\"BODY.position.x\"]");
+  check_quantities(of);
   check_rest(of);
   ModelHarmonicResult out;
   for (const Quantity& q : of.quantities) out.quantities.push_back(q.name);

@@ -23,6 +23,10 @@
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/linear_response.hpp"
 
+namespace espalier::dynamics {
+class ModalDamping;
+}
+
 namespace espalier::dynamics::model {
 
 /// One body of the system; one of the first three pointers is set.
@@ -101,6 +105,7 @@ class Mechanism {
   std::vector<Support*> supports;
   std::map<std::pair<std::string, Index>, std::vector<HeldDirection>> held;  ///< by body and vertex
   std::unique_ptr<const LinearResponse> linear;  ///< of linear statics: quantities and pictures are those of it
+  ModalDamping* modal_damping = nullptr;         ///< null: no body asks for it
   Controls* controls = nullptr;                  ///< null: nothing can be set, switched or happen
   std::vector<std::string> notices;              ///< what joints do not fit at the start, and how they hold faces
   std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "dynamics/model/fields/field_request.hpp"
 #include "dynamics/model/functions.hpp"
 
 namespace espalier::dynamics::model {
@@ -201,6 +202,8 @@ std::vector<SimulationQuantity> list_quantities(Mechanism& mechanism) {
         list.push_back({fmt::format("{}.{}.{}", object, name, component), dimension_of(object, name)});
     for (const auto& [name, value] : columns.scalars)
       list.push_back({fmt::format("{}.{}", object, name), dimension_of(object, name)});
+    if (const BuiltBody* body = mechanism.body(object))
+      for (const std::string& name : field_names(*body)) list.push_back({name, field_dimension(name)});
   }
   return list;
 }
@@ -225,6 +228,7 @@ Quantity in_linear_statics(Quantity q, const Mechanism& mechanism) {
 }
 
 std::vector<Quantity> find_plain(Mechanism& mechanism, const std::string& request, const Place& place) {
+  if (is_field_request(request)) return find_field_quantities(mechanism, request, place);
   const std::vector<std::string> parts = split_name(request);
   const Columns offer = find_columns(mechanism, parts[0], request, place);
   std::vector<std::string> known;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +15,9 @@
 
 namespace espalier::dynamics::model {
 
+class FieldQuantity;
+struct FieldTable;
+
 /// What quantities are computed from.
 struct Sample {
   const State* state = nullptr;
@@ -22,6 +26,8 @@ struct Sample {
   mutable std::optional<Energy> energy = std::nullopt;
   /// Likewise of contacts.
   mutable std::vector<std::pair<const BuiltContact*, contact::ContactReport>> contacts = {};
+  /// Likewise of all elements of a body.
+  mutable std::vector<std::pair<const BuiltBody*, std::shared_ptr<const FieldTable>>> fields = {};
   /// In a statics run: the load factor, which then stands for the time.
   std::optional<double> load = std::nullopt;
   [[nodiscard]] double time() const { return load ? *load : state->t; }
@@ -36,6 +42,7 @@ struct Sample {
 struct Quantity {
   std::string name;
   std::function<double(const Sample&)> value;
+  std::shared_ptr<const FieldQuantity> field = nullptr;  ///< of stresses and the like: fields/field_quantity.hpp
 };
 
 /// The quantities that a request stands for (three for a vector without component):
@@ -50,6 +57,8 @@ struct Quantity {
 ///   .velocity .acceleration: largest violation step            .h .order .newton .error
 ///   CONTACT         .force .moment on its second surfaces [.x .y .z]; .normal_force .friction_force .penetration
 ///                   .pressure .area .slip_speed .points .slipping .energy: see contact/contact.hpp
+///   BODY[PLACE]     .stress .strain .section .strain_energy .reaction: see fields/field_request.hpp
+///   joints[PATTERN] .force .moment: sums
 /// A vector also has .norm. @throws Error(invalid_input) naming the request
 [[nodiscard]] std::vector<Quantity> find_quantities(Mechanism& mechanism, const std::string& request,
                                                     const Place& place);

@@ -365,6 +365,7 @@ class BodyReader {
       const double r = s.positive("radius"), area = std::numbers::pi * r * r;
       const Material m = needed_material(s);
       c.section = {m.young * area, m.young * area * r * r / 4, m.density * area};
+      c.outline = SectionOutline{m.young, r};
     } else {
       c.section = {s.positive("axial"), s.number("bending"), noted(inertia(s, "mass_per_length"))};
       if (c.section.bending < 0) fail(s.place("bending"), "must not be negative");
@@ -395,9 +396,13 @@ class BodyReader {
     const Vec3 along = first_direction(*b.axis);
     b.y = s.vector("y", std::abs(along.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
     if (s.has("radius")) {
-      b.section = circular_section(needed_material(s), s.positive("radius"));
+      const Material m = needed_material(s);
+      b.outline = SectionOutline{m.young, s.positive("radius")};
+      b.section = circular_section(m, b.outline->radius);
     } else if (s.has("height")) {
-      b.section = rectangular_section(needed_material(s), s.positive("height"), s.positive("width"));
+      const Material m = needed_material(s);
+      b.outline = SectionOutline{m.young, 0, s.positive("height"), s.positive("width")};
+      b.section = rectangular_section(m, b.outline->height, b.outline->width);
     } else {
       for (const auto& [key, value] :
            std::initializer_list<std::pair<const char*, double*>>{{"axial", &b.section.axial},

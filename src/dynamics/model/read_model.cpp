@@ -154,6 +154,7 @@ double read_interval(Section& s, const std::string& key, double otherwise) {
 void read_output(Section s, OutputSpec& out) {
   out.place = s.place();
   out.quantities = s.texts("quantities");
+  out.envelopes = s.texts("envelopes");
   out.csv_interval = read_interval(s, "csv_interval", 0);
   out.vtu_interval = read_interval(s, "vtu_interval", -1);
   out.restart_interval = read_interval(s, "restart_interval", -1);

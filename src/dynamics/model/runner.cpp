@@ -124,6 +124,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     for (const std::string& request : model_.output.quantities) choose(request, model_.output.place);
     for (const std::string& request : options_.quantities) choose(request, {});
     for (const Quantity& q : quantities_) series_.names.push_back(q.name);
+    envelopes_ = std::make_unique<Envelopes>(*mechanism_, model_.output.envelopes, model_.output.place);
   }
   prepare();
   if (!model_.statics) start_integrator();
@@ -497,6 +498,7 @@ void Runner::finish() {
   const Sample s = sample(last_report_);
   summary_.values.clear();
   for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));
+  summary_.envelopes = envelopes_->found();
   if (files_) summary_.files = files_->written();
   if (page_ && !page_->written().empty()) summary_.files.push_back(page_->written());
 }

@@ -14,6 +14,7 @@
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/model/energy_balance.hpp"
 #include "dynamics/model/events.hpp"
+#include "dynamics/model/fields/envelopes.hpp"
 #include "dynamics/model/held_steps.hpp"
 #include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
@@ -151,6 +152,7 @@ class Runner {
   long impacts_there_ = 0;                  // hardly apart in time from each other
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
+  std::unique_ptr<Envelopes> envelopes_;
   SimulationSeries series_;
   std::unique_ptr<KeptFrames> frames_;
   std::unique_ptr<page::LivePage> page_;

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "dynamics/integrators/vibrations.hpp"
+#include "dynamics/model/fields/mode_values.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 #include "dynamics/steady/steady_modes.hpp"
@@ -202,9 +203,16 @@ void Runner::find_modes() {
   Vibrations found = small_vibrations(*equations_, at, count, modes_solver_);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
+  std::optional<double> load;
+  if (model_.statics) load = load_;
+  const ModeValues values(*mechanism_, state_, quantities_, load);
   for (Mode& mode : found.modes) {
-    summary_.modes.push_back(
-        {mode.frequency, mode.damping_ratio, mode.eigenvalue.real(), 0, mode.frequency});
+    SimulationMode known;
+    known.frequency = known.standing_frequency = mode.frequency;
+    known.damping_ratio = mode.damping_ratio;
+    known.growth = mode.eigenvalue.real();
+    summary_.modes.push_back(std::move(known));
+    values.add(mode.shape, summary_.modes.back());
     shapes_.push_back(std::move(mode.shape));
   }
 }

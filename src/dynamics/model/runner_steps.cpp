@@ -87,6 +87,7 @@ void Runner::watch_from_here() {
 
 // A state that is there already (the start of a run that goes on) is not kept twice.
 void Runner::keep(const Sample& s) {
+  envelopes_->take(s);
   if (options_.frame_interval >= 0) kept_frames().step(s.pictured());
   show(s);
   if (!options_.keep_series || (!series_.t.empty() && series_.t.back() == s.time())) return;

@@ -1,0 +1,265 @@
+#include "dynamics/model/fields/sites.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numeric>
+#include <stdexcept>
+
+#include "base/at.hpp"
+#include "dynamics/model/fields/locate.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+/// Makes sites; equal weights are kept once.
+class SiteMaker {
+ public:
+  SiteMaker(const SampledBody& body, bool surfaces) : body_(body), surfaces_(surfaces) {}
+
+  Sites take() { return std::move(out_); }
+  Sites& out() { return out_; }
+
+  SiteTerm term(Index e, std::array<double, 3> xi, double factor) {
+    SiteTerm t{e, factor, keep(body_.points(e), xi), nullptr};
+    if (body_.kind() == FieldBody::shell) {
+      const SampleWeights top = weights_at(body_.points(e), std::array{xi[0], xi[1], 1.0}.data()),
+                          bottom = weights_at(body_.points(e), std::array{xi[0], xi[1], -1.0}.data());
+      SampleWeights slope{};
+      for (std::size_t q = 0; q < 8; ++q) slope[q] = top[q] - bottom[q];
+      t.slope = keep(slope);
+    }
+    return t;
+  }
+
+  /// The heights in a shell at which sites are made where none is given: both surfaces, or the middle.
+  [[nodiscard]] std::vector<double> sides(const Where& where) const {
+    if (body_.kind() != FieldBody::shell) return {0};
+    if (where.side) return {*where.side};
+    return surfaces_ ? std::vector<double>{-1, 1} : std::vector<double>{0};
+  }
+
+  /// @param among  elements that count
+  void add_nodes(const std::vector<Index>& nodes, const std::vector<double>& weights, const std::vector<Index>& among,
+                 const std::vector<double>& sides) {
+    std::vector<std::vector<std::pair<Index, int>>> elements_of(at(body_.nodes()));  // and which of its nodes it is
+    for (const Index e : among) {
+      const auto own = body_.element_nodes(e);
+      for (std::size_t a = 0; a < own.size(); ++a) elements_of[at(own[a])].emplace_back(e, static_cast<int>(a));
+    }
+    for (std::size_t k = 0; k < nodes.size(); ++k) {
+      const auto& around = elements_of[at(nodes[k])];
+      if (around.empty()) continue;
+      for (const double side : sides) {
+        Site site;
+        site.node = body_.node_label(nodes[k]);
+        site.place = body_.node_place(nodes[k]);
+        site.weight = weights[k] / static_cast<double>(sides.size());
+        for (const auto& [e, a] : around) {
+          std::array<double, 3> xi = node_coordinates(body_.shape(e))[static_cast<std::size_t>(a)];
+          if (body_.kind() == FieldBody::shell) xi[2] = side;
+          site.terms.push_back(term(e, xi, 1 / static_cast<double>(around.size())));
+        }
+        out_.list.push_back(std::move(site));
+      }
+    }
+  }
+
+  /// At all sample points, with their volumes as weights.
+  void add_volume(const std::vector<Index>& elements) {
+    double volume = 0;
+    for (const Index e : elements) {
+      const std::vector<double> x = body_.reference(e);
+      const auto points = points_of(body_.points(e));
+      for (std::size_t q = 0; q < points.size(); ++q) {
+        Site site;
+        const bool line = body_.shape(e) == ElementType::line2;
+        const double ratio = line ? 0.5 * length(e) : volume_ratio(body_.shape(e), points[q].xi.data(), x.data());
+        site.weight = points[q].weight * ratio;
+        volume += site.weight;
+        site.terms.push_back(term(e, points[q].xi, 1));
+        out_.list.push_back(std::move(site));
+      }
+    }
+    for (Site& site : out_.list) site.weight /= volume;
+  }
+
+ private:
+  [[nodiscard]] double length(Index e) const {
+    const auto nodes = body_.element_nodes(e);
+    return (body_.node_place(nodes[1]) - body_.node_place(nodes[0])).norm();
+  }
+  const SampleWeights* keep(const SampleWeights& w) {
+    const auto [it, fresh] = known_.emplace(w, nullptr);
+    if (fresh) it->second = &out_.weights.emplace_back(w);
+    return it->second;
+  }
+  const SampleWeights* keep(SamplePoints points, const std::array<double, 3>& xi) {
+    return keep(weights_at(points, xi.data()));
+  }
+
+  const SampledBody& body_;
+  bool surfaces_;
+  Sites out_;
+  std::map<SampleWeights, const SampleWeights*> known_;
+};
+
+std::vector<Index> all_of(Index count) {
+  std::vector<Index> all(at(count));
+  std::iota(all.begin(), all.end(), 0);
+  return all;
+}
+
+[[noreturn]] void no_such_set(const SampledBody& body, const std::string& set) {
+  const std::string& name = body.body().spec.name;
+  if (!body.body().mesh)
+    throw std::invalid_argument(
+        fmt::format("'{}' has no sets; write [node 3] (from 1, -1 the last), [element 2] or [x y z]", name));
+  std::vector<std::string> names;
+  for (const auto& [known, list] : body.body().mesh->face_sets) names.push_back(known);
+  for (const auto& [known, list] : body.body().mesh->node_sets) names.push_back(known);
+  for (const auto& [known, list] : body.body().mesh->element_sets) names.push_back(known);
+  std::string all;
+  for (std::size_t k = 0; k < std::min<std::size_t>(names.size(), 12); ++k) all += (k > 0 ? ", " : "") + names[k];
+  throw std::invalid_argument(fmt::format("the mesh of '{}' has no set '{}'{}; it has {}", name, set,
+                                          suggestion(set, names), all.empty() ? "none" : all));
+}
+
+/// What a set without a word before it is.
+Where::Kind kind_of_set(const SampledBody& body, const Where& where) {
+  if (where.kind != Where::Kind::set) return where.kind;
+  if (!body.body().mesh) no_such_set(body, where.set);
+  const Mesh& mesh = *body.body().mesh;
+  if (mesh.face_sets.count(where.set) > 0) return Where::Kind::faces;
+  if (mesh.node_sets.count(where.set) > 0) return Where::Kind::nodes;
+  if (mesh.element_sets.count(where.set) > 0) return Where::Kind::elements;
+  no_such_set(body, where.set);
+}
+
+Index node_of_label(const SampledBody& body, std::int64_t label) {
+  if (!body.body().mesh && label == -1) return body.nodes() - 1;
+  for (Index k = 0; k < body.nodes(); ++k)
+    if (body.node_label(k) == label) return k;
+  throw std::invalid_argument(
+      body.body().mesh ? fmt::format("the mesh of '{}' has no node {}", body.body().spec.name, label)
+                       : fmt::format("'{}' has the nodes 1 to {} (-1: the last)", body.body().spec.name, body.nodes()));
+}
+
+std::vector<Index> elements_of_set(const SampledBody& body, const std::string& set) {
+  if (!body.body().mesh || body.body().mesh->element_sets.count(set) == 0) no_such_set(body, set);
+  std::vector<Index> out;
+  for (const Index e : body.body().mesh->element_set(set))
+    if (const Index own = body.find_element(body.body().mesh->element_label(e)); own >= 0) out.push_back(own);
+  if (out.empty())
+    throw std::invalid_argument(
+        fmt::format("'{}' has none of the elements of the set '{}'", body.body().spec.name, set));
+  return out;
+}
+
+/// Integrals of the shape functions over a face set, by node.
+std::map<Index, double> area_shares(const SampledBody& body, const std::vector<MeshFace>& faces) {
+  std::map<Index, double> shares;
+  double area = 0;
+  for (const MeshFace& face : faces) {
+    const std::vector<Index> nodes = body.body().mesh->face_nodes(face);
+    const ElementType type = shape_of(body.body().mesh->type(face.element)).faces[at(face.face)].type;
+    for (const QuadraturePoint& p : face_quadrature(type)) {
+      double n[kMaxElementNodes], dn[2 * kMaxElementNodes];
+      shape_values(type, p.xi.data(), n);
+      shape_gradients(type, p.xi.data(), dn);
+      Vec3 along = Vec3::Zero(), across = Vec3::Zero();
+      for (std::size_t a = 0; a < nodes.size(); ++a) {
+        along += dn[a] * body.node_place(nodes[a]);
+        across += dn[nodes.size() + a] * body.node_place(nodes[a]);
+      }
+      const double weight = p.weight * along.cross(across).norm();
+      area += weight;
+      for (std::size_t a = 0; a < nodes.size(); ++a) shares[nodes[a]] += weight * n[a];
+    }
+  }
+  for (auto& [node, share] : shares) share /= area;
+  return shares;
+}
+
+}  // namespace
+
+std::vector<Index> nodes_at(const SampledBody& body, const Where& where) {
+  switch (kind_of_set(body, where)) {
+    case Where::Kind::node:
+      return {node_of_label(body, where.label)};
+    case Where::Kind::nodes:
+      if (!body.body().mesh || body.body().mesh->node_sets.count(where.set) == 0) no_such_set(body, where.set);
+      return body.body().mesh->node_set(where.set);
+    case Where::Kind::faces:
+      if (!body.body().mesh || body.body().mesh->face_sets.count(where.set) == 0) no_such_set(body, where.set);
+      return body.body().mesh->nodes_of_faces(body.body().mesh->face_set(where.set));
+    case Where::Kind::elements: {
+      std::vector<Index> nodes;
+      for (const Index e : elements_of_set(body, where.set)) {
+        const auto own = body.element_nodes(e);
+        nodes.insert(nodes.end(), own.begin(), own.end());
+      }
+      sort_unique(nodes);
+      return nodes;
+    }
+    case Where::Kind::whole:
+      return all_of(body.nodes());
+    default:
+      throw std::invalid_argument("this is asked for at nodes: write [node 12], [SET], or nothing for the whole body");
+  }
+}
+
+Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool surfaces) {
+  if (where.side && body.kind() != FieldBody::shell)
+    throw std::invalid_argument(
+        fmt::format("'{}' is no shell: it has no top, middle and bottom", body.body().spec.name));
+  SiteMaker maker(body, surfaces);
+  const Where::Kind kind = kind_of_set(body, where);
+  maker.out().several = kind != Where::Kind::node && kind != Where::Kind::element && kind != Where::Kind::point;
+  const std::vector<Index> all = all_of(body.elements());
+  if (kind == Where::Kind::element) {
+    const Index e = body.find_element(where.label);
+    if (e < 0) throw std::invalid_argument(fmt::format("'{}' has no element {}", body.body().spec.name, where.label));
+    const bool tet = body.shape(e) == ElementType::tet4 || body.shape(e) == ElementType::tet10;
+    const double middle = tet ? 0.25 : 0;
+    Site site;
+    site.terms.push_back(maker.term(e, {middle, middle, tet ? 0.25 : where.side.value_or(0)}, 1));
+    for (const Index n : body.element_nodes(e))
+      site.place += body.node_place(n) / static_cast<double>(body.element_nodes(e).size());
+    maker.out().list.push_back(std::move(site));
+    return maker.take();
+  }
+  if (kind == Where::Kind::point) {
+    if (where.side) throw std::invalid_argument("a point x y z of a shell has its height in z already");
+    const std::vector<Located> found = locate(body, where.point);
+    Site site;
+    site.place = where.point;
+    for (const Located& at_point : found) {
+      site.terms.push_back(maker.term(at_point.element, at_point.xi, 1 / static_cast<double>(found.size())));
+      site.y = at_point.y;
+      site.z = at_point.z;
+    }
+    site.fibre = body.kind() == FieldBody::beam || body.kind() == FieldBody::cable;
+    maker.out().list.push_back(std::move(site));
+    return maker.take();
+  }
+  const bool by_elements = kind == Where::Kind::elements || kind == Where::Kind::whole;
+  const std::vector<Index> elements = kind == Where::Kind::elements ? elements_of_set(body, where.set) : all;
+  if (by_elements && mean && !where.side) {
+    maker.add_volume(elements);
+    return maker.take();
+  }
+  const std::vector<Index> nodes = nodes_at(body, where);
+  std::vector<double> weights(nodes.size(), 1 / static_cast<double>(nodes.size()));
+  if (kind == Where::Kind::faces) {
+    const std::map<Index, double> shares = area_shares(body, body.body().mesh->face_set(where.set));
+    for (std::size_t k = 0; k < nodes.size(); ++k) weights[k] = shares.at(nodes[k]);
+  }
+  maker.add_nodes(nodes, weights, elements, maker.sides(where));
+  if (maker.out().list.empty())
+    throw std::invalid_argument(
+        fmt::format("no element of '{}' has one of the nodes of '{}'", body.body().spec.name, where.set));
+  return maker.take();
+}
+
+}  // namespace espalier::dynamics::model
