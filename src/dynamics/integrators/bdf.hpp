@@ -48,6 +48,9 @@ struct BdfOptions {
   double absolute_velocity = 0;  ///< absolute tolerance of v; 0: the one of q
   bool test_velocity = true;     ///< v takes part in the error test
   ErrorBudget budget = {};       ///< instead of these four
+  /// The least speed at which friction is developed: Newton's iteration knows velocities to a tenth of it, whatever
+  /// errors the tolerances allow, so that it cannot end on the wrong side.
+  double slip_speed = std::numeric_limits<double>::infinity();
   bool scaled_constraints = false;  ///< constraint_tolerance is relative to the sizes of the equations; with a budget
   double initial_step = 0;          ///< 0: from the accelerations
   double max_step = std::numeric_limits<double>::infinity();
@@ -79,9 +82,9 @@ struct BdfOptions {
 /// which equals K [dq; mu] = [h' W (R1 + h' R2); -Phi] and so on, but needs no product with W. Every level is met at
 /// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
 /// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
-/// Non-holonomic constraints have no Phi: h' (Phi_q T(theta) theta_dot - nu) stands in its place, so that the formula of
-/// q slips as little as v does.
-/// Once q and v are as good as the error test asks for, what is left of the three levels is projected away without F.
+/// Non-holonomic constraints have no Phi: h' (Phi_q T(theta) theta_dot - nu) stands in its place, so that the formula
+/// of q slips as little as v does. Once q and v are as good as the error test asks for, what is left of the three
+/// levels is projected away without F.
 ///
 /// Where the factor and flexible bodies lie on a GPU, the vectors of this iteration, the history and the error test
 /// follow them (bdf_device.cpp). The host then sees what its joints and forces look at, and the whole state once a
@@ -127,6 +130,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] double distance_from_factor();
   void error_weights();
   [[nodiscard]] double tolerance_of_position(std::size_t i, double size) const;
+  [[nodiscard]] double tolerance_of_speed() const;
   [[nodiscard]] double tolerance_of_velocity(std::size_t i) const;
   void take_share();
   [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
@@ -231,6 +235,7 @@ class BdfIntegrator final : public Integrator {
   int order_ = 1;
   double h_ = 0;
   double share_q_ = 1, share_v_ = 1;  // of the budget that the present step may have
+  double newton_share_v_ = 1;         // of v, by which Newton's iteration is judged
   std::vector<double> row_sizes_;     // of the constraints; empty: all 1
   double longest_try_ = 0;            // of the present step
   int steps_at_order_ = 0;

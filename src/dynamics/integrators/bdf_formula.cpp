@@ -69,20 +69,30 @@ double BdfIntegrator::tolerance_of_position(std::size_t i, double size) const {
   return (budget.stiff() ? 1 : kOfOrderFive) * budget.accuracy * budget.size(i);
 }
 
-double BdfIntegrator::tolerance_of_velocity(std::size_t i) const {
+// Of a budget, over the size of a coordinate.
+double BdfIntegrator::tolerance_of_speed() const {
   constexpr double kOfSpeed = 3e-3, kOfDuration = 5;
   const ErrorBudget& budget = options_.budget;
+  return budget.stiff() ? kOfSpeed * budget.speed / budget.extent : kOfDuration * budget.accuracy / budget.duration;
+}
+
+double BdfIntegrator::tolerance_of_velocity(std::size_t i) const {
+  const ErrorBudget& budget = options_.budget;
   if (!budget.given()) return options_.relative * std::abs(state_.v[i]) + options_.absolute_velocity;
-  if (budget.stiff()) return kOfSpeed * budget.speed / budget.extent * budget.size(i);
-  return kOfDuration * budget.accuracy / budget.duration * budget.size(i);
+  return tolerance_of_speed() * budget.size(i);
 }
 
 void BdfIntegrator::take_share() {
   constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kMost = 0.05;
   const ErrorBudget& budget = options_.budget;
-  if (!budget.given()) return;
-  share_q_ = std::clamp(h_ / budget.duration, budget.stiff() ? kLeastOfStiff : kLeast, kMost);
-  share_v_ = budget.stiff() ? 1 : share_q_;
+  if (budget.given()) {
+    share_q_ = std::clamp(h_ / budget.duration, budget.stiff() ? kLeastOfStiff : kLeast, kMost);
+    share_v_ = budget.stiff() ? 1 : share_q_;
+  }
+  // Newton's iteration leaves newton_tolerance, a hundredth, of what v may be off by.
+  constexpr double kOfSlip = 10;
+  const double tolerance = budget.given() ? tolerance_of_speed() * budget.extent : options_.absolute_velocity;
+  newton_share_v_ = std::min(share_v_, kOfSlip * options_.slip_speed / tolerance);
 }
 
 void BdfIntegrator::error_weights() {
@@ -118,7 +128,7 @@ double BdfIntegrator::largest_level(ConstSpan level) const {
 }
 
 double BdfIntegrator::norm_of_change() const {
-  return std::max(norm(dq_, weight_q_) / share_q_, norm(dv_, weight_v_) / share_v_);
+  return std::max(norm(dq_, weight_q_) / share_q_, norm(dv_, weight_v_) / newton_share_v_);
 }
 
 double BdfIntegrator::norm(ConstSpan x, ConstSpan weight) const {

@@ -283,7 +283,7 @@ double BdfIntegrator::change_of(const Change& all) {
   tiny_ = std::max(all.dq, dv) <= kRounding * size_q_;
   level_of_a_ = a > 0 ? dv / a : 0;
   if (dq_.empty()) return 0;
-  const double of_q = all.square_q / (share_q_ * share_q_), of_v = all.square_v / (share_v_ * share_v_);
+  const double of_q = all.square_q / (share_q_ * share_q_), of_v = all.square_v / (newton_share_v_ * newton_share_v_);
   return std::sqrt(std::max(of_q, of_v) / static_cast<double>(dq_.size()));
 }
 

@@ -103,7 +103,7 @@ bool wants_default_tolerances(const IntegratorSpec& integrator) {
 
 void set_default_tolerances(IntegratorSpec& integrator, Equations& equations, const Mechanism& mechanism,
                             const Description& model, const State& state, double duration) {
-  constexpr double kAccuracy = 1e-4, kPlain = 1e-8, kLongest = 100, kNothing = 1e-9, kLeastWay = 0.1;
+  constexpr double kPlain = 1e-8, kLongest = 100, kNothing = 1e-9, kLeastWay = 0.1;
   BdfOptions& bdf = integrator.bdf;
   ErrorBudget& budget = bdf.budget;
   budget.lengths = lengths_of(mechanism, state.v.size());
@@ -119,7 +119,7 @@ void set_default_tolerances(IntegratorSpec& integrator, Equations& equations, co
   speed = std::max(speed, std::sqrt(acceleration * extent));
   if (speed > 0) duration = std::min(duration, kLongest * extent / speed);
   if (!std::isfinite(duration)) duration = 1;
-  budget.accuracy = kAccuracy;
+  budget.accuracy = integrator.accuracy;
   budget.extent = extent;
   budget.duration = duration;
   bdf.absolute = kPlain * extent;

@@ -354,6 +354,7 @@ struct IntegratorSpec {
   double start = 0, end = 0;  ///< end: infinite where the number of steps alone ends the run
   long steps = 0;             ///< accepted steps after which the run ends; 0: any number
   bool states_tolerances = false, states_constraints = false, states_order = false;  ///< of bdf, in the text
+  double accuracy = 1e-4;  ///< of models that state no tolerances, see default_tolerances.hpp
   BdfOptions bdf;
   AlphaOptions alpha;
   bool operator==(const IntegratorSpec&) const = default;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "base/stopwatch.hpp"
@@ -24,6 +25,17 @@ double speed_that_counts(const IntegratorSpec& integrator) {
   constexpr double kOfAlpha = 1e-8;
   if (integrator.method != Method::bdf) return kOfAlpha;
   return integrator.bdf.absolute_velocity > 0 ? integrator.bdf.absolute_velocity : integrator.bdf.absolute;
+}
+
+/// Of friction in joints and on guides, as a speed of a coordinate; infinite without any.
+double least_slip_speed(const Description& model) {
+  double least = std::numeric_limits<double>::infinity();
+  for (const JointSpec& j : model.joints)
+    if (j.friction && j.friction->curve.static_coefficient > 0)
+      least = std::min(least, j.friction->curve.slip_speed / std::max(1.0, j.friction->radius));
+  for (const ForceSpec& f : model.forces)
+    if (f.friction > 0) least = std::min(least, f.slip_speed);
+  return least;
 }
 
 using base::Stopwatch;
@@ -208,6 +220,7 @@ void Runner::start_integrator() {
   if (model_.integrator.method == Method::bdf) {
     if (wants_default_tolerances(model_.integrator))
       set_default_tolerances(model_.integrator, *equations_, *mechanism_, model_, state_, duration_);
+    model_.integrator.bdf.slip_speed = least_slip_speed(model_);
     integrator_ = std::make_unique<BdfIntegrator>(*equations_, model_.integrator.bdf);
   } else {
     AlphaOptions alpha = model_.integrator.alpha;

@@ -14,6 +14,7 @@
 #include "dynamics/integrators/sensitivity.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/default_tolerances.hpp"
 #include "dynamics/model/derivatives/motion_adjoint.hpp"
 #include "dynamics/model/derivatives/run_differences.hpp"
 #include "dynamics/model/derivatives/static_adjoint.hpp"
@@ -213,7 +214,8 @@ class SensitivityRun {
   void check_by_other_runs() {
     if (statics_ || result_.summary.interrupted || !switches()) return;
     const std::size_t np = given_.size();
-    const dynamics::BdfOptions fine = of_check(nominal_->integrator()).bdf;
+    const dynamics::model::IntegratorSpec fine = of_check(nominal_->integrator());
+    const double extent = nominal_->integrator().bdf.budget.extent;
     const bool adaptive =
         nominal_->integrator().method == dynamics::model::Method::bdf && !(nominal_->integrator().bdf.fixed_step > 0);
     dynamics::model::DerivativesToCheck what;
@@ -223,9 +225,12 @@ class SensitivityRun {
     for (std::size_t p = 0; p < np; ++p)
       what.ways.push_back(what.values[p] != 0 ? kWay * std::abs(what.values[p])
                                               : kWay / kRelativeStep * given_[p].step());
-    what.noise = [fine, adaptive](double x) {
-      constexpr double kNoise = 100;  // tolerances: how far two adaptive runs may be apart
-      return adaptive ? kNoise * (fine.relative * std::abs(x) + fine.absolute) : 1e-12 * std::abs(x);
+    // How far two adaptive runs may be apart.
+    what.noise = [fine, adaptive, extent](double x) {
+      constexpr double kTolerances = 100, kAccuracies = 3;
+      if (!adaptive) return 1e-12 * std::abs(x);
+      if (dynamics::model::wants_default_tolerances(fine)) return kAccuracies * fine.accuracy * (std::abs(x) + extent);
+      return kTolerances * (fine.bdf.relative * std::abs(x) + fine.bdf.absolute);
     };
     what.replace = !objective_;  // sums over the times of a run change with them
     const std::size_t rows = result_.quantities.size() * np;
@@ -251,6 +256,7 @@ class SensitivityRun {
     constexpr double kFiner = 0.01, kFinest = 1e-12;
     for (double* tolerance : {&spec.bdf.relative, &spec.bdf.absolute, &spec.bdf.absolute_velocity})
       *tolerance = std::max(kFiner * *tolerance, std::min(kFinest, *tolerance));
+    spec.accuracy *= kFiner;
     spec.steps = 0;
     spec.end = nominal_->time();
     return spec;
