@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "espalier/model_harmonic.hpp"
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
@@ -34,6 +35,25 @@ TEST(SharedReactions, OfATableOnFourLegs) {
                   20 * (1 + sign[k][0] * x / 0.6 + sign[k][1] * y / 0.4), 1e-6)
           << x << ", " << y << ", leg " << k;
   }
+}
+
+// The same in statics, linear or not, and in a frequency response, where a load of 8 is added to the weight.
+TEST(SharedReactions, OfATableAtRestAndShaken) {
+  const std::string legs =
+      replaced(table(0, 0), "[integrator]\nend = 1e-3\n", "") +
+      "[joints.rail]\ntype = \"prismatic\"\nbodies = [\"ground\", \"top\"]\nat = [0, 0, 0]\naxis = [0, 0, "
+      "1]\n[forces.push]\ntype = \"load\"\na = { body = \"top\" }\nforce = [0, 0, 1]\nfactor = \"0\"\n";
+  for (const char* statics : {"[statics]\n", "[statics]\nlinear = true\n"}) {
+    const Simulation s = simulated(legs + statics);
+    for (int k = 0; k < 4; ++k) EXPECT_NEAR(s.value(fmt::format("leg{}.force.z", k)), 20, 1e-6) << statics;
+  }
+  const ModelHarmonicResult r = model_harmonic_of_text(
+      legs +
+          "[harmonic]\nfrequencies = [10]\nloads = { push = 8 }\nquantities = [\"leg0.force.z\", \"leg1.force.z\", "
+          "\"leg2.force.z\", \"leg3.force.z\"]\n",
+      "model.toml");
+  ASSERT_TRUE(r.status.ok()) << r.status.message;
+  for (Index k = 0; k < 4; ++k) EXPECT_NEAR(std::abs(r.response.response(0, 0, k) + 2.0), 0, 1e-6) << k;
 }
 
 // A door on two hinges on one line shares its weight, and what it pulls sidewards, in any unit of length.

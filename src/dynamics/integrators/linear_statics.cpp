@@ -58,9 +58,11 @@ class LinearMatrix {
   Equations& equations_;
 };
 
-/// K^-1 (W' - W) x over x, in the metric of the masses, with W' at coordinates moved by a few units of rounding.
+/// K^-1 r over x, in the metric of the masses, with r what rounding in W may leave of W x: half a unit of each term,
+/// all of one sign, and what W changes by at coordinates moved by rounding.
 double effect_of_rounding(Equations& equations, const StaticProblem& problem, const State& start,
-                          const std::vector<double>& dq) {
+                          const std::vector<double>& dq, const std::vector<double>& hidden) {
+  constexpr double kUnit = std::numeric_limits<double>::epsilon() / 2;
   System& system = equations.system();
   const std::size_t n = dq.size();
   std::vector<double> sizes = coordinate_sizes(system, start.q);
@@ -69,17 +71,21 @@ double effect_of_rounding(Equations& equations, const StaticProblem& problem, co
     random ^= random << 13;
     random ^= random >> 7;
     random ^= random << 17;
-    size *= (random >> 32 & 1) != 0 ? 2e-16 : -2e-16;
+    size *= (random >> 32 & 1) != 0 ? 2 * kUnit : -2 * kUnit;
   }
   State moved = start;
   system.retract(start.q, sizes, moved.q);
   const SparsePattern& w = equations.kkt().w_pattern();
   const ConstSpan of_factor = equations.kkt().w_of_factor();
-  std::vector<double> values(of_factor.size());
+  std::vector<double> values(of_factor.size()), moduli(n), terms(n, 0.0);
   system.tangent(moved.view(), {0, 0, 1}, values);
-  for (std::size_t k = 0; k < values.size(); ++k) values[k] -= of_factor[k];
   StaticIncrement change{std::vector<double>(n + start.lambda.size(), 0.0), 0}, answer = change;
+  for (std::size_t k = 0; k < values.size(); ++k) values[k] -= of_factor[k];
   add_transposed(w, values, dq, Span(change.x).first(n));
+  for (std::size_t i = 0; i < n; ++i) moduli[i] = std::abs(dq[i]);
+  equations.kkt().sum_rows_of_w(moduli, terms);
+  for (std::size_t i = 0; i < n; ++i)
+    change.x[i] += std::copysign(kUnit * (terms[i] + (hidden.empty() ? 0 : 2 * hidden[i] * moduli[i])), dq[i]);
   std::copy(dq.begin(), dq.end(), answer.x.begin());
   equations.solve(change.x);
   const double size = problem.norm(answer);
@@ -87,15 +93,19 @@ double effect_of_rounding(Equations& equations, const StaticProblem& problem, co
 }
 
 /// What is left out has to follow from what is kept, to a part of the terms that it is the sum of.
-void check_left_out(Equations& equations, ConstSpan phi, ConstSpan dq) {
+void check_left_out(Equations& equations, const State& start, ConstSpan dq) {
   constexpr double kRounding = 1e-9, kContradiction = 1e-6;
-  const SparsePattern& p = equations.kkt().phi_q_pattern();
+  if (equations.dropped().empty()) return;
+  System& system = equations.system();
+  const SparsePattern& p = system.constraint_pattern();
+  std::vector<double> phi(start.lambda.size()), phi_q(static_cast<std::size_t>(p.nonzeros()));
+  system.constraints(start.t, start.q, {}, {phi, {}, {}, phi_q});
   const double most = max_norm(dq);
   for (std::size_t row = 0; row < equations.dropped().size(); ++row) {
     if (equations.dropped()[row] == 0) continue;
     double sum = phi[row], terms = std::abs(phi[row]), largest = 0;
     for (auto k = static_cast<std::size_t>(p.ptr[row]); k < static_cast<std::size_t>(p.ptr[row + 1]); ++k) {
-      const double value = equations.phi_q()[k], x = dq[static_cast<std::size_t>(p.ind[k])];
+      const double value = phi_q[k], x = dq[static_cast<std::size_t>(p.ind[k])];
       sum += value * x;
       terms += std::abs(value * x);
       largest = std::max(largest, std::abs(value));
@@ -104,15 +114,15 @@ void check_left_out(Equations& equations, ConstSpan phi, ConstSpan dq) {
       throw Error(StatusCode::invalid_input,
                   fmt::format("linear statics: {} contradicts others: it is missed by {:.3g}; remove it, or correct "
                               "what one of them prescribes",
-                              equations.system().constraint_name(static_cast<Index>(row)), sum),
+                              system.constraint_name(static_cast<Index>(row)), sum),
                   static_cast<Index>(row));
   }
 }
 
 }  // namespace
 
-LinearStatics linear_statics(Equations& equations, const State& start, double load,
-                             const std::function<void()>& stiff) {
+LinearStatics linear_statics(Equations& equations, const State& start, double load, const std::function<void()>& stiff,
+                             const std::vector<double>& hidden) {
   constexpr int kMostRefinements = 3;
   constexpr double kGoodEnough = 4 * std::numeric_limits<double>::epsilon();
   System& system = equations.system();
@@ -125,21 +135,9 @@ LinearStatics linear_statics(Equations& equations, const State& start, double lo
                                                        problem.worst(end)));
   system.set_load_factor(0);
   stiff();
-  const bool factored = problem.factorize(at);
-  if (!factored || problem.indifferent()) {
-    std::string what = problem.why().message;
-    if (factored) {
-      const std::vector<double>& z = problem.softest().x;
-      std::size_t most = 0;
-      for (std::size_t i = 0; i < start.v.size(); ++i)
-        if (std::abs(z[i]) > std::abs(z[most])) most = i;
-      what = fmt::format(
-          "a motion, most of all of {}, meets no more than the rounding of the "
-          "stiffness; hold it, or, where a part is very thin for its size, take beams or a coarser mesh",
-          system.coordinate_name(static_cast<Index>(most)));
-    }
-    throw Error(StatusCode::singular, fmt::format("linear statics: the structure is not held: {}", what));
-  }
+  if (!problem.factorize(at))
+    throw Error(StatusCode::singular,
+                fmt::format("linear statics: the structure is not held: {}", problem.why().message));
   LinearMatrix k(equations);
   const std::size_t n = start.v.size(), m = start.lambda.size();
   std::vector<double> b(n + m), x, r(n + m), scale(n + m);
@@ -165,8 +163,13 @@ LinearStatics linear_statics(Equations& equations, const State& start, double lo
     equations.solve(r);
     for (std::size_t i = 0; i < n + m; ++i) x[i] += r[i];
   }
-  check_left_out(equations, end.phi, result.dq);
-  result.rounding = effect_of_rounding(equations, problem, start, result.dq);
+  check_left_out(equations, start, result.dq);
+  result.rounding = effect_of_rounding(equations, problem, start, result.dq, hidden);
+  const std::vector<double> sizes = coordinate_sizes(system, start.q);
+  std::size_t most = 0;
+  for (std::size_t i = 0; i < n; ++i)
+    if (std::abs(result.dq[i]) / sizes[i] > std::abs(result.dq[most]) / sizes[most]) most = i;
+  if (n > 0) result.softest = system.coordinate_name(static_cast<Index>(most));
   return result;
 }
 

@@ -1,6 +1,7 @@
 // Supports: equations for single nodes of flexible bodies.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 
 #include "dynamics/model/builders.hpp"
@@ -27,7 +28,8 @@ class SupportBuilder {
       const Index place = node * each;
       for (int i = 0; i < 3; ++i)
         if (spec_.held[static_cast<std::size_t>(i)])
-          add(node, place, axes.col(i), motion[static_cast<std::size_t>(i)], std::string(1, "xyz"[i]));
+          add(node, place, axes.col(i), motion[static_cast<std::size_t>(i)],
+              spec_.symmetry ? "the normal" : std::string(1, "xyz"[i]));
       if (each != 2) continue;
       if (spec_.slopes) clamp_slope(node, place + 1);
       if (spec_.symmetry) mirror_slope(node, place + 1, axes);
@@ -79,15 +81,17 @@ class SupportBuilder {
         rest -= basis.back().dot(rest) * basis.back();
       }
       if (!(rest.norm() > kNew)) {
-        const HeldDirection& first = known->second.front();
-        if (motion >= 0 || first.moved)
+        const auto takes_part = [&](const HeldDirection& h) { return std::abs(h.direction.dot(direction)) > kNew; };
+        const auto first = std::find_if(known->second.begin(), known->second.end(), takes_part);
+        if (motion >= 0 ||
+            std::any_of(first, known->second.end(), [&](const HeldDirection& h) { return takes_part(h) && h.moved; }))
           fail(
               spec_.place,
               fmt::format("node {} of '{}' is held along {} by '{}' already, and one of the two moves it; leave it out "
                           "of one of them",
-                          label(node), spec_.where.body, what, first.by));
+                          label(node), spec_.where.body, what, first->by));
         ++skipped_;
-        skipped_for_ = first.by;
+        skipped_for_ = first->by;
         return;
       }
     }

@@ -6,6 +6,26 @@
 
 namespace espalier::dynamics::model {
 
+namespace {
+
+/// A shell is a hexahedron with its nodes in pairs: E area / thickness of each node, added up and taken away again.
+std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t coordinates) {
+  std::vector<double> stiffness;
+  for (const BuiltBody& body : mechanism.bodies) {
+    const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+    if (shell == nullptr || body.reduced != nullptr) continue;
+    stiffness.resize(coordinates, 0.0);
+    const double area = shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
+    for (Index node = 0; node < body.flexible->nodes(); ++node)
+      for (Index i = 0; i < 3; ++i)
+        stiffness[static_cast<std::size_t>(body.flexible->coordinate(2 * node) + i)] =
+            shell->material.young * area / shell->thickness;
+  }
+  return stiffness;
+}
+
+}  // namespace
+
 void Runner::run_linear_statics(const SimulationObserver& observer) {
   constexpr double kSmall = 0.1;  // of the extent, or an angle: cos is 0.5 % off
   constexpr double kLost = 0.05, kWorthSaying = 1e-4;
@@ -26,13 +46,14 @@ void Runner::run_linear_statics(const SimulationObserver& observer) {
                   fmt::format("linear statics: the structure is not held: {}. Joints, supports or springs to the "
                               "ground, or to bodies that are held, take such motions away",
                               loose));
-    solved = linear_statics(*equations_, base, load, stiff);
+    solved = linear_statics(*equations_, base, load, stiff, stretch_of_shells(*mechanism_, base.v.size()));
     if (!(solved.rounding <= kLost))
-      throw Error(StatusCode::accuracy_not_reached,
-                  fmt::format("linear statics: rounding in the stiffness changes {:.2g} of the answer; a part is very "
-                              "thin for its size, or hangs on next to nothing: take beams, thicker parts or a coarser "
-                              "mesh, or hold it better",
-                              solved.rounding));
+      throw Error(
+          StatusCode::accuracy_not_reached,
+          fmt::format("linear statics: rounding in the stiffness changes {:.2g} of the answer, most of all {}: a "
+                      "motion is not held, or a part is very thin for its size; hold it, or take beams, thicker "
+                      "parts or a coarser mesh",
+                      solved.rounding, solved.softest));
   } catch (const Error& error) {
     mechanism_->system.set_load_factor(0);
     if (error.status().code == StatusCode::cancelled) {
