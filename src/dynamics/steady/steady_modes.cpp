@@ -257,7 +257,7 @@ Eigen::VectorXd response(const SteadyPencil& p, double s, const Options& options
   for (std::size_t i = 0; i < p.weights.size(); ++i) b[i] = std::sqrt(p.weights[i]) * amount(random);
   Options own = options;
   own.kind = Kind::lu;
-  own.device = "host";
+  own.device = "cpu";
   Solver solver(own);
   Status status = solver.analyze(q).status;
   if (status.ok()) status = solver.factorize(q).status;
