@@ -28,7 +28,7 @@ std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t co
 
 void Runner::run_linear_statics(const SimulationObserver& observer) {
   constexpr double kSmall = 0.1;  // of the extent, or an angle: cos is 0.5 % off
-  constexpr double kLost = 0.05, kWorthSaying = 1e-4;
+  constexpr double kLost = 0.01, kWorthSaying = 1e-4;
   mechanism_->system.set_load_factor(0);
   begin_statics_files();
   find_modes();
