@@ -250,6 +250,7 @@ TEST(LinearStatics, PrestressIsStiff) {
   const Simulation s = simulated(R"([bodies.bead]
 type = "point"
 mass = 1
+velocity = [3, 1, 4]
 [forces.left]
 type = "spring"
 a = { body = "ground", point = [-2, 0, 0] }

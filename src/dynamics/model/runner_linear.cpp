@@ -1,6 +1,8 @@
 // Linear statics: small displacements from the given positions.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "dynamics/integrators/linear_statics.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
@@ -17,6 +19,7 @@ void Runner::run_linear_statics(const SimulationObserver& observer) {
   give_response();
   const double load = model_.statics->options.load;
   const auto stiff = [this, load] { mechanism_->load_functions_of_state(load); };
+  for (std::vector<double>* part : {&state_.v, &state_.a}) std::fill(part->begin(), part->end(), 0.0);
   const State base = state_;
   LinearStatics solved;
   try {
