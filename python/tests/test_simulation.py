@@ -215,7 +215,7 @@ def test_linear_statics_and_supports():
     assert result["wall.force.z"][-1] == pytest.approx(-2) and result["wall.moment.y"][-1] == pytest.approx(2)
     assert result.summary["method"] == "linear statics" and result.summary["statics_backward_error"] < 1e-12
     large = model.run(quantities=["tip.position.z"], set={"statics.load": 1e6})
-    assert large["tip.position.z"][-1] == pytest.approx(1e6 * result["tip.position.z"][-1], rel=1e-12)
+    assert large["tip.position.z"][-1] == pytest.approx(1e6 * result["tip.position.z"][-1], rel=1e-9)
     assert large.t[-1] == 1e6 and any("displacements as small" in n for n in large.summary["notices"])
     led = esp.Model(statics={"linear": True}, bodies=model.tree["bodies"])
     led.support("left", body="strip", edge="x0", hold="xyz", motion={"x": -1e-3})

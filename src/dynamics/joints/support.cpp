@@ -130,9 +130,13 @@ void Support::constraints(double t, ConstSpan q, ConstSpan /*v*/, const Constrai
     const Row& row = rows_[r];
     const std::size_t c = at(placement().c) + r;
     const Moved f = row.motion < 0 ? Moved{} : moved[at(row.motion)];
-    if (!out.phi.empty())
-      out.phi[c] =
-          row.direction.dot(Eigen::Map<const Vec3>(q.data() + body_.configuration(row.vertex))) - row.rest - f.value;
+    if (!out.phi.empty()) {
+      const double* x = q.data() + body_.configuration(row.vertex);
+      double along = 0;  // of what is declared alone
+      for (Index i = 0; i < 3; ++i)
+        if (row.direction[i] != 0) along += row.direction[i] * x[i];
+      out.phi[c] = along - row.rest - f.value;
+    }
     if (!out.nu.empty()) out.nu[c] = f.rate;
     if (!out.gamma.empty()) out.gamma[c] = f.acceleration;
     if (out.phi_q_values.empty()) continue;

@@ -317,102 +317,6 @@ std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& 
   return nodes;
 }
 
-namespace {
-
-/// Their vertices, each once.
-std::vector<FrameVertex> vertices_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights,
-                                     const Vec3& centre, bool turns) {
-  std::vector<FrameVertex> vertices;
-  std::map<Index, std::size_t> known;
-  for (std::size_t k = 0; k < points.size(); ++k)
-    for (const auto& [vertex, factor] : points[k].parts) {
-      const double weight = factor * weights[k];
-      const Vec3 arm = turns ? Vec3(weight * (points[k].reference - centre)) : Vec3::Zero();
-      const auto [it, fresh] = known.emplace(vertex, vertices.size());
-      if (fresh) {
-        vertices.push_back({vertex, weight, arm});
-      } else {
-        vertices[it->second].weight += weight;
-        vertices[it->second].arm += arm;
-      }
-    }
-  return vertices;
-}
-
-Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights) {
-  Vec3 sum = Vec3::Zero();
-  for (std::size_t k = 0; k < points.size(); ++k) sum += weights[k] * points[k].reference;
-  return sum;
-}
-
-}  // namespace
-
-std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point) {
-  return std::make_unique<FlexibleFrame>(body, vertices_of({point}, {1}, Vec3::Zero(), false));
-}
-
-std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltBody& body) const {
-  constexpr double kLeastApart = 0.01;
-  const FlexibleBody& flexible = *body.flexible;
-  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-  std::vector<HeldPoint> points;
-  for (const Index k : nodes_of(m, body)) {
-    if (flexible.vertices_per_node() == 1) {
-      points.push_back({fmt::format("node {}", body.mesh->node_label(k)), {{k, 1}}, reference_node(flexible, k)});
-      continue;
-    }
-    if (shell == nullptr)
-      throw std::invalid_argument(
-          fmt::format("nodes of '{}' have places and slopes of their own: give one node", m.body));
-    const Vec3 director = Eigen::Map<const Vec3>(flexible.reference().data() + 3 * (2 * k + 1));
-    // Of very thin shells farther out, where the turn about an edge can be told from rounding.
-    const double apart = std::max(shell->thickness, kLeastApart * std::max(shell->x.norm(), shell->y.norm()));
-    for (const double side : {-0.5, 0.5})
-      points.push_back({fmt::format("node {}, {}", k + 1, side < 0 ? "bottom" : "top"),
-                        {{2 * k, 1}, {2 * k + 1, side * apart}},
-                        reference_node(flexible, k) + side * apart * director});
-  }
-  return points;
-}
-
-std::vector<HeldPoint> FrameBuilder::held_points(const MarkerSpec& m, const BuiltBody& body) const {
-  if (m.face.empty() && !m.bore && m.nodes.empty() && m.edge.empty())
-    throw std::invalid_argument(
-        "attach = \"rigid\" needs a face, an edge, a bore or a node set, whose nodes are to be one rigid piece");
-  std::vector<HeldPoint> points = points_of(m, body);
-  if (points.size() < 3) throw std::invalid_argument("a rigid piece needs three nodes that are not on a line");
-  return points;
-}
-
-std::array<std::size_t, 3> FrameBuilder::base_points(const std::vector<HeldPoint>& points) {
-  const auto farthest = [&](const auto& distance) {
-    std::size_t best = 0;
-    for (std::size_t k = 1; k < points.size(); ++k)
-      if (distance(points[best].reference) < distance(points[k].reference)) best = k;
-    return best;
-  };
-  const std::size_t first = farthest([&](const Vec3& x) { return (x - points.front().reference).norm(); });
-  const Vec3 from = points[first].reference;
-  const std::size_t second = farthest([&](const Vec3& x) { return (x - from).norm(); });
-  const Vec3 line = points[second].reference - from;
-  const std::size_t third = farthest([&](const Vec3& x) { return (x - from).cross(line).norm(); });
-  return {first, second, third};
-}
-
-std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const MarkerSpec& m, const BuiltBody& body,
-                                                                        const std::vector<HeldPoint>& points) {
-  std::vector<HeldPoint> base;
-  Vec3 centre = Vec3::Zero();
-  for (const std::size_t k : base_points(points)) {
-    centre += points[k].reference / 3;
-    base.push_back(points[k]);
-  }
-  const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  return {std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(base, {1.0 / 3, 1.0 / 3, 1.0 / 3}, centre, true),
-                                          axes),
-          centre};
-}
-
 std::unique_ptr<Frame> FrameBuilder::make_rigid(const MarkerSpec& m, const BuiltBody& body) const {
   const std::vector<HeldPoint> points = held_points(m, body);
   auto [base, centre] = make_base(m, body, points);
@@ -426,30 +330,6 @@ std::unique_ptr<Frame> FrameBuilder::make_rigid(const MarkerSpec& m, const Built
   }
   const Vec3 offset = base->axes().transpose() * (origin - centre);
   return std::make_unique<CarriedFrame>(std::move(base), offset, Mat3::Identity());
-}
-
-std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, const BuiltBody& body,
-                                                       const Mat3& axes) const {
-  const std::vector<HeldPoint> points = points_of(m, body);
-  std::vector<double> weights(points.size(), 1);
-  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-  if (shell != nullptr && m.edge.size() == 1)  // by length: ends count half
-    for (const std::size_t end : {std::size_t{0}, std::size_t{1}, points.size() - 2, points.size() - 1})
-      weights[end] = 0.5;
-  double sum = 0;
-  for (const double w : weights) sum += w;
-  for (double& w : weights) w /= sum;
-  const Vec3 centre = mean_of(points, weights);
-  // Nodes on a line have no rotation about it: a place alone, unless axes are asked for.
-  double across = 0, along = 0;
-  if (points.size() > 2) {
-    const std::array<std::size_t, 3> base = base_points(points);
-    const Vec3 line = points[base[1]].reference - points[base[0]].reference;
-    along = line.squaredNorm();
-    across = (points[base[2]].reference - points[base[0]].reference).cross(line).norm();
-  }
-  const bool turns = m.attach == Attach::mean || across > 1e-4 * along;
-  return std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(points, weights, centre, turns), axes);
 }
 
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_face(const MarkerSpec& m, const BuiltBody& body,

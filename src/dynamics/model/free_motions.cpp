@@ -120,6 +120,13 @@ class HeldRows {
     sum.parts.emplace_back(owner_[c], term);
   }
 
+  /// Terms of the row's own coordinate that are not there any more, but for their rounding.
+  void add_scale(Index row, double value) {
+    const auto c = static_cast<std::size_t>(row);
+    if (owner_[c] == nullptr) return;
+    rows_[c].scale += value * owner_[c]->velocity(place_[c]).cwiseAbs().maxCoeff();
+  }
+
   /// Bodies that rows join, each group in the order of the bodies; a body by itself is a group, too.
   [[nodiscard]] std::vector<std::vector<const WholeBody*>> groups(const std::vector<WholeBody>& bodies) const {
     std::map<const WholeBody*, const WholeBody*> parent;
@@ -272,6 +279,21 @@ double length_of(Mechanism& mechanism, const State& s) {
 
 }  // namespace
 
+std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t coordinates) {
+  std::vector<double> stiffness;
+  for (const BuiltBody& body : mechanism.bodies) {
+    const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+    if (shell == nullptr || body.reduced != nullptr) continue;
+    stiffness.resize(coordinates, 0.0);
+    const double area = shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
+    for (Index node = 0; node < body.flexible->nodes(); ++node)
+      for (Index i = 0; i < 3; ++i)
+        stiffness[static_cast<std::size_t>(body.flexible->coordinate(2 * node) + i)] =
+            shell->material.young * area / shell->thickness;
+  }
+  return stiffness;
+}
+
 FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped, const State& state) {
   constexpr std::size_t kMostBodies = 200;  // of a group: the matrix of its motions is dense
   const double length = length_of(mechanism, state);
@@ -286,6 +308,9 @@ FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped,
     for (Offset k = begin; k < end; ++k)
       held.add_term(w.ind[static_cast<std::size_t>(k)], column, values[static_cast<std::size_t>(k)]);
   });
+  const std::vector<double> hidden = stretch_of_shells(mechanism, state.v.size());
+  for (std::size_t i = 0; i < hidden.size(); ++i)
+    if (hidden[i] > 0) held.add_scale(static_cast<Index>(i), hidden[i]);
   const SparsePattern& g = mechanism.system.constraint_pattern();
   std::vector<double> phi_q(static_cast<std::size_t>(g.nonzeros()));
   mechanism.system.constraints(state.t, state.q, {}, {{}, {}, {}, phi_q});

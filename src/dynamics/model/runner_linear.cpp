@@ -1,34 +1,17 @@
 // Linear statics: small displacements from the given positions.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "dynamics/integrators/linear_statics.hpp"
+#include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
 
 namespace espalier::dynamics::model {
 
-namespace {
-
-/// A shell is a hexahedron with its nodes in pairs: E area / thickness of each node, added up and taken away again.
-std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t coordinates) {
-  std::vector<double> stiffness;
-  for (const BuiltBody& body : mechanism.bodies) {
-    const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-    if (shell == nullptr || body.reduced != nullptr) continue;
-    stiffness.resize(coordinates, 0.0);
-    const double area = shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
-    for (Index node = 0; node < body.flexible->nodes(); ++node)
-      for (Index i = 0; i < 3; ++i)
-        stiffness[static_cast<std::size_t>(body.flexible->coordinate(2 * node) + i)] =
-            shell->material.young * area / shell->thickness;
-  }
-  return stiffness;
-}
-
-}  // namespace
-
 void Runner::run_linear_statics(const SimulationObserver& observer) {
   constexpr double kSmall = 0.1;  // of the extent, or an angle: cos is 0.5 % off
-  constexpr double kLost = 0.05, kWorthSaying = 1e-4;
+  constexpr double kLost = 0.01, kWorthSaying = 1e-4;
   mechanism_->system.set_load_factor(0);
   begin_statics_files();
   find_modes();
@@ -36,6 +19,7 @@ void Runner::run_linear_statics(const SimulationObserver& observer) {
   give_response();
   const double load = model_.statics->options.load;
   const auto stiff = [this, load] { mechanism_->load_functions_of_state(load); };
+  for (std::vector<double>* part : {&state_.v, &state_.a}) std::fill(part->begin(), part->end(), 0.0);
   const State base = state_;
   LinearStatics solved;
   try {
