@@ -76,6 +76,7 @@ class Runner {
   void find_equilibrium(const ConsistencyOptions& consistency);  ///< at the start of a motion
   void run_statics(const SimulationObserver& observer);
   void note_statics(const StaticsResult& result);
+  void set_modal_damping();
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it
   /// Velocities that stand in the text are meant; those of other bodies follow from the constraints, with a notice.

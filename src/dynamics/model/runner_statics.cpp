@@ -2,11 +2,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
+#include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/model/fields/mode_values.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
+#include "dynamics/model/structural_damping.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -81,6 +85,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     note_statics(result);
     if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
     guard_->check(state_, true);
+    set_modal_damping();
     find_modes();
     files_->modes(state_, shapes_);
     give_response();
@@ -143,9 +148,26 @@ void Runner::note_statics(const StaticsResult& result) {
   for (const CriticalPoint& c : result.critical) summary_.critical.push_back({c.load, c.limit});
 }
 
+// By the modes of the model as it stands, without damping of its own.
+void Runner::set_modal_damping() {
+  if (mechanism_->modal_damping == nullptr) return;
+  constexpr Index kAll = 300, kMost = 100;  // velocity coordinates of models whose modes are all found; modes of others
+  const Index n = mechanism_->system.sizes().velocity, count = n <= kAll ? n : kMost;
+  const UndampedModes found = undamped_vibrations(*equations_, state_, count, modes_solver_);
+  mechanism_->modal_damping->set(mechanism_->system, state_, found.squares, found.shapes);
+  if (n > kAll && static_cast<Index>(found.squares.size()) == count)
+    summary_.notices.push_back(
+        fmt::format("damping by ratio: the lowest {} modes have it; those above {:.4g} per unit of time are not damped",
+                    count, std::sqrt(found.squares.maxCoeff()) / (2 * std::numbers::pi)));
+}
+
 void Runner::find_modes() {
   if (model_.initial.modes == 0) return;
-  Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_);
+  const StructuralDamping structural(*mechanism_);
+  SparseMatrix h;
+  if (structural.any()) h = structural.matrix(state_);
+  Vibrations found = small_vibrations(*equations_, state_, static_cast<Index>(model_.initial.modes), modes_solver_,
+                                      structural.any() ? &h : nullptr);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
   std::optional<double> load;
