@@ -37,6 +37,8 @@ SECTIONS = (
     ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
     ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
     ("Flexible bodies: motion and damping", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
+    ("`damping` of a flexible body", "read_bodies.cpp", "read_damping", (), (("Bodies", "damping"),)),
+    ("`damping` by ratios at two frequencies", "read_bodies.cpp", "rayleigh_of_ratios", (), (("Bodies", "damping"),)),
     ("`reduce` of a flexible body", "read_bodies.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
     ("Solids", "read_bodies.cpp", "read_solid", (), (("Bodies", "solid"),)),
     ("Solids: mesh", "read_bodies.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),

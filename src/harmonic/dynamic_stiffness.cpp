@@ -41,32 +41,35 @@ SparseMatrix empty(Index n) {
 }  // namespace
 
 DynamicStiffness::DynamicStiffness(const MatrixView& k, const MatrixView& c, const MatrixView& m, double loss_factor,
-                                   base::ThreadPool& pool)
+                                   base::ThreadPool& pool, const MatrixView& h)
     : loss_factor_(loss_factor) {
   SparseMatrix a = modes::general_of(k, "K", pool),
                b = c.rows == 0 && c.cols == 0 ? empty(k.rows) : modes::general_of(c, "C", pool),
-               d = modes::general_of(m, "M", pool);
+               d = modes::general_of(m, "M", pool), e = h.rows == 0 ? empty(k.rows) : modes::general_of(h, "H", pool);
   if (a.rows != b.rows || a.rows != d.rows)
     throw Error(StatusCode::invalid_input,
                 fmt::format("K, C and M have {}, {} and {} rows; they must be of one size", a.rows, b.rows, d.rows));
-  const bool symmetric = nearly_symmetric(a) && nearly_symmetric(b) && nearly_symmetric(d);
+  const bool symmetric = nearly_symmetric(a) && nearly_symmetric(b) && nearly_symmetric(d) && nearly_symmetric(e);
   if (symmetric) {
     a = lower_of(a);
     b = lower_of(b);
     d = lower_of(d);
+    e = lower_of(e);
   }
-  pattern_ = modes::sum(1, modes::sum(1, a, 0, b), 0, d);
-  c_ = modes::sum(1, modes::sum(0, a, 1, b), 0, d).values;
-  m_ = modes::sum(0, modes::sum(1, a, 1, b), 1, d).values;
+  const SparseMatrix all = modes::sum(0, modes::sum(0, modes::sum(0, a, 0, b), 0, d), 0, e);
+  pattern_ = modes::sum(0, all, 1, a);
+  c_ = modes::sum(0, all, 1, b).values;
+  m_ = modes::sum(0, all, 1, d).values;
+  if (h.rows > 0) h_ = modes::sum(0, all, 1, e).values;
   pattern_.storage = symmetric ? Storage::symmetric_lower : Storage::general;
-  damped_ = loss_factor > 0 || largest(c_) > 0;
+  damped_ = loss_factor > 0 || largest(c_) > 0 || largest(h_) > 0;
 }
 
 void DynamicStiffness::evaluate(double w, std::vector<Complex>& z) const {
   z.resize(pattern_.values.size());
   for (std::size_t p = 0; p < z.size(); ++p) {
     const double k = pattern_.values[p];
-    z[p] = {k - w * w * m_[p], loss_factor_ * k + w * c_[p]};
+    z[p] = {k - w * w * m_[p], loss_factor_ * k + (h_.empty() ? 0 : h_[p]) + w * c_[p]};
   }
 }
 
@@ -87,8 +90,8 @@ void DynamicStiffness::each(const Use& use) const {
 void DynamicStiffness::magnitudes(double w, const Complex* x, Complex* y) const {
   std::fill(y, y + n(), Complex());
   each([&](Index i, Index j, std::size_t p) {
-    const double size =
-        std::abs(pattern_.values[p]) * (1 + loss_factor_) + w * std::abs(c_[p]) + w * w * std::abs(m_[p]);
+    const double size = std::abs(pattern_.values[p]) * (1 + loss_factor_) + (h_.empty() ? 0 : std::abs(h_[p])) +
+                        w * std::abs(c_[p]) + w * w * std::abs(m_[p]);
     y[i] += size * std::abs(x[j]);
   });
   for (Index i = 0; i < n(); ++i)
@@ -105,7 +108,7 @@ double DynamicStiffness::norm(double w) const {
 }
 
 const std::vector<double>& DynamicStiffness::values(Part which) const {
-  return which == Part::stiffness ? pattern_.values : which == Part::damping ? c_ : m_;
+  return which == Part::stiffness ? pattern_.values : which == Part::damping ? c_ : which == Part::mass ? m_ : h_;
 }
 
 MatrixView DynamicStiffness::part(Part which) const {

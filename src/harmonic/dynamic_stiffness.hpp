@@ -1,5 +1,5 @@
 /// \file
-/// Z(w) = K (1 + i eta) + i w C - w^2 M on one pattern.
+/// Z(w) = K (1 + i eta) + i H + i w C - w^2 M on one pattern.
 #pragma once
 
 #include <complex>
@@ -14,10 +14,10 @@ using Complex = std::complex<double>;
 
 class DynamicStiffness {
  public:
-  /// @param c  without rows: no damping
+  /// @param c  without rows: no damping  @param h  structural damping of parts of K; without rows: none
   /// @throws Error(invalid_input) for matrices that are not square, not of one size, or not finite
   DynamicStiffness(const MatrixView& k, const MatrixView& c, const MatrixView& m, double loss_factor,
-                   base::ThreadPool& pool);
+                   base::ThreadPool& pool, const MatrixView& h = {});
   [[nodiscard]] Index n() const { return pattern_.rows; }
   [[nodiscard]] bool symmetric() const { return pattern_.storage == Storage::symmetric_lower; }
   [[nodiscard]] bool damped() const { return damped_; }
@@ -27,13 +27,14 @@ class DynamicStiffness {
   void evaluate(double w, std::vector<Complex>& z) const;
   /// The matrix with values of evaluate(), which outlive the view.
   [[nodiscard]] ComplexMatrixView view(const std::vector<Complex>& z) const;
-  /// y = (|K| + w |C| + w^2 |M|) |x| entry by entry, with the phases of x.
+  /// y = (|K| + |H| + w |C| + w^2 |M|) |x| entry by entry, with the phases of x.
   void magnitudes(double w, const Complex* x, Complex* y) const;
   /// The largest row sum of |K| + w |C| + w^2 |M|.
   [[nodiscard]] double norm(double w) const;
 
-  enum class Part { stiffness, damping, mass };
-  /// One of the real matrices, in the pattern of all three.
+  enum class Part { stiffness, damping, mass, structural };
+  [[nodiscard]] bool structural() const { return !h_.empty(); }
+  /// One of the real matrices, in the pattern of all; the last one where there is structural().
   [[nodiscard]] MatrixView part(Part which) const;
   /// y = A x of one of them.
   void product(Part which, const double* x, double* y) const;
@@ -46,7 +47,7 @@ class DynamicStiffness {
   void each(const Use& use) const;
 
   SparseMatrix pattern_;  // its values are those of K
-  std::vector<double> c_, m_;
+  std::vector<double> c_, m_, h_;
   double loss_factor_ = 0;
   bool damped_ = false;
 };

@@ -184,14 +184,15 @@ class Run {
 namespace harmonic {
 
 HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixView& m, std::span<const Complex> loads,
-                       Index columns, const HarmonicOptions& options, Observer* observer) {
+                       Index columns, const HarmonicOptions& options, Observer* observer,
+                       const MatrixView& structural) {
   HarmonicResult result;
   const base::Stopwatch watch(result.seconds.total);
   modes::Workshop shop(options.solver);
   result.status = modes::guarded(shop, [&] {
     std::vector<double> wanted = wanted_frequencies(options);
     check_options(options, k.rows);
-    const DynamicStiffness z(k, c, m, options.loss_factor, shop.pool);
+    const DynamicStiffness z(k, c, m, options.loss_factor, shop.pool, structural);
     check_loads(loads, columns, z.n());
     UnknownObserver unknowns(options.observed, z.n());
     if (observer == nullptr) observer = &unknowns;

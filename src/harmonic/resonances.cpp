@@ -62,7 +62,8 @@ Resonances find_resonances(const DynamicStiffness& z, std::span<const Complex> l
                                         : "the matrices are not symmetric: modes of their symmetric parts are a guide";
   if (found.count() == 0) return out;
   const Eigen::Map<const MatrixXd> x(found.vectors.data(), found.n, found.count());
-  const MatrixXcd k = projected(z, Part::stiffness, x) * Complex(1, z.loss_factor());
+  MatrixXcd k = projected(z, Part::stiffness, x) * Complex(1, z.loss_factor());
+  if (z.structural()) k += projected(z, Part::structural, x) * Complex(0, 1);
   const Damped modes = damped_modes(k, projected(z, Part::damping, x), projected(z, Part::mass, x));
   const Eigen::Map<const MatrixXcd> f(loads.data(), found.n, columns);
   MatrixXcd observed(static_cast<Eigen::Index>(sweep.observed()), x.cols());

@@ -54,6 +54,7 @@ class FlexibleBody final : public Component {
 
   // Settings; all before the first evaluation.
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
+  [[nodiscard]] const RayleighDamping& damping() const { return damping_; }
   /// Acceleration of gravity in global axes.
   void set_gravity(const Point& gravity);
   /// Initial state: the reference turned by `rotation` (row by row), moved by `translation`, with the velocities of a

@@ -29,6 +29,7 @@ class ReducedBody final : public Component {
 
   // Settings; all before the first evaluation.
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
+  [[nodiscard]] const RayleighDamping& damping() const { return damping_; }
   void set_gravity(const Vec3& gravity) { gravity_ = gravity; }
   /// As FlexibleBody::set_initial_motion().
   void set_initial_motion(const Mat3& rotation, const Vec3& translation, const Vec3& velocity,

@@ -109,6 +109,7 @@ struct ModalSystem {
   Eigen::VectorXd l;         ///< 0 where rounding leaves nothing else
   Eigen::VectorXd rounding;  ///< of l
   Eigen::MatrixXd x, d, n;   ///< N is skew: what is not symmetric of the stiffness
+  Eigen::MatrixXd h;         ///< structural damping; without rows: none
   std::string notice;
 };
 
@@ -279,11 +280,69 @@ void add_notice(std::string& text, const std::string& more) {
   if (!more.empty()) text += (text.empty() ? "" : "; ") + more;
 }
 
+/// Eigenvalues of z'' + D z' + (diag(l) + N + i H) z = 0 with a positive imaginary part, by modulus, in the first
+/// `size` coordinates, and 0 for what nothing resists.
+std::vector<Mode> hysteretic(const ModalSystem& s, Eigen::Index size) {
+  using Eigen::MatrixXcd;
+  constexpr double kReal = 1e-9;
+  std::vector<Eigen::Index> free, held;
+  for (Eigen::Index i = 0; i < size; ++i)
+    (s.l[i] == 0 && s.h.row(i).head(size).isZero(1e-300) ? free : held).push_back(i);
+  std::vector<Mode> modes;
+  for (const Eigen::Index i : free) modes.push_back(vibration_of(0, s.x.col(i).cast<std::complex<double>>()));
+  const auto n = static_cast<Eigen::Index>(held.size());
+  if (n == 0) return modes;
+  const double unit = std::sqrt(s.l(held).cwiseAbs().maxCoeff());
+  MatrixXcd a = MatrixXcd::Zero(2 * n, 2 * n);
+  MatrixXcd k = (s.n(held, held) + Eigen::MatrixXd(s.l(held).asDiagonal())).cast<std::complex<double>>();
+  k += std::complex<double>(0, 1) * s.h(held, held);
+  a.topRightCorner(n, n).setIdentity();
+  a.bottomLeftCorner(n, n) = -k / (unit * unit);
+  a.bottomRightCorner(n, n) = -s.d(held, held).cast<std::complex<double>>() / unit;
+  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a);
+  for (Eigen::Index i = 0; i < 2 * n; ++i) {
+    const std::complex<double> e = unit * eigen.eigenvalues()[i];
+    if (e.imag() <= kReal * std::abs(e)) continue;
+    modes.push_back(vibration_of(e, s.x(Eigen::all, held) * eigen.eigenvectors().col(i).head(n)));
+  }
+  std::stable_sort(modes.begin(), modes.end(),
+                   [](const Mode& x, const Mode& y) { return std::abs(x.eigenvalue) < std::abs(y.eigenvalue); });
+  return modes;
+}
+
+constexpr Index kDenseVibrations = 300;
+
+Vibrations structural_vibrations(Equations& equations, const State& state, Index count, const Options* solver,
+                                 const SparseMatrix& structural) {
+  const Index free = equations.sizes().velocity - static_cast<Index>(kept_constraints(equations).size());
+  Vibrations out;
+  if (count <= 0 || free <= 0) return out;
+  ModalSystem s = modal_system(equations, state, std::min(3 * count + 40, free), solver);
+  drop_small_asymmetry(s);
+  s.h = projected(structural, s.x);
+  out.notice = s.notice;
+  add_notice(out.notice, rounding_notice(s, count));
+  out.modes = hysteretic(s, std::min<Eigen::Index>(s.l.size(), 3 * count + 40));
+  out.modes.resize(std::min(vibration_at(count), out.modes.size()));
+  return out;
+}
+
 }  // namespace
 
-Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver) {
-  constexpr Index kDense = 300;
-  return small_vibrations_by(equations, state, count, equations.sizes().velocity <= kDense ? nullptr : &solver);
+UndampedModes undamped_vibrations(Equations& equations, const State& state, Index count, const Options& solver) {
+  const Index free = equations.sizes().velocity - static_cast<Index>(kept_constraints(equations).size());
+  if (count <= 0 || free <= 0) return {};
+  ModalSystem s = modal_system(equations, state, std::min(count, free),
+                               equations.sizes().velocity <= kDenseVibrations ? nullptr : &solver);
+  return {std::move(s.l), std::move(s.x)};
+}
+
+Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver,
+                            const SparseMatrix* structural) {
+  const bool dense = equations.sizes().velocity <= kDenseVibrations;
+  if (structural != nullptr)
+    return structural_vibrations(equations, state, count, dense ? nullptr : &solver, *structural);
+  return small_vibrations_by(equations, state, count, dense ? nullptr : &solver);
 }
 
 Vibrations small_vibrations_by(Equations& equations, const State& state, Index count, const Options* solver) {

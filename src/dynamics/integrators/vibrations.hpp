@@ -2,6 +2,7 @@
 /// The lowest modes of a linearised system of any size.
 #pragma once
 
+#include <Eigen/Core>
 #include <array>
 #include <complex>
 #include <string>
@@ -38,8 +39,18 @@ struct Vibrations {
 /// size of that space. What rounding of the stiffness hides is given as 0, or as it is, with a notice of how far it may
 /// be off.
 /// @param solver  device, threads, memory, interruption
+/// @param structural  H, in the pattern of W: eigenvalues are those of M x'' + D x' + (C + i H) x = 0 with a positive
+/// imaginary part, in the space of three times as many undamped modes as asked for and 40 more. Null: none
 /// @throws Error where they cannot be found
-Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver);
+Vibrations small_vibrations(Equations& equations, const State& state, Index count, const Options& solver,
+                            const SparseMatrix* structural = nullptr);
+
+/// The lowest modes of M and the symmetric part of C alone, as above.
+struct UndampedModes {
+  Eigen::VectorXd squares;  ///< of angular frequencies; 0 where rounding leaves nothing else
+  Eigen::MatrixXd shapes;   ///< n rows; x^T M x = 1
+};
+UndampedModes undamped_vibrations(Equations& equations, const State& state, Index count, const Options& solver);
 
 /// The same by either way. @param solver  null: the dense method, O(n^3)
 Vibrations small_vibrations_by(Equations& equations, const State& state, Index count, const Options* solver);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
@@ -23,6 +24,7 @@ class Builder {
     add_drives();
     for (const BodySpec& body : model_.bodies)
       at_place(body.place, [&] { out_.bodies.push_back(build_body(body, model_, frames_, out_)); });
+    add_modal_damping();
     frames_.note_initial_state();
     check_places();
     for (const auto& [name, marker] : model_.markers) out_.markers[name] = frames_.make(marker);
@@ -62,6 +64,25 @@ class Builder {
     RelativeValue value;
     evaluate(kind, axis, 0, a, b, false, value);
     return value.value;
+  }
+
+  void add_modal_damping() {
+    constexpr Index kMostCoupled = 1000;  // coordinates, each with each other one, in Newton's matrix
+    auto damping = std::make_unique<ModalDamping>("modal damping");
+    for (const BuiltBody& body : out_.bodies) {
+      if (body.spec.modal_damping == 0) continue;
+      if (body.reduced != nullptr)
+        damping->add(*body.reduced, body.spec.modal_damping);
+      else
+        damping->add(*body.flexible, body.spec.modal_damping);
+      if (damping->coordinates() > kMostCoupled)
+        fail(body.spec.place,
+             fmt::format("damping by ratio couples all coordinates of the bodies that have it, {} with this one; up to "
+                         "{} are possible. Reduce the bodies (reduce = {{ modes = ... }}), or give the ratio at two "
+                         "frequencies (damping = {{ ratio = {}, frequencies = [f1, f2] }})",
+                         damping->coordinates(), kMostCoupled, body.spec.modal_damping));
+    }
+    if (damping->coordinates() > 0) out_.modal_damping = &out_.system.add(std::move(damping));
   }
 
   void add_drives() {

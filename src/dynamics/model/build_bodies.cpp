@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/model/builders.hpp"
@@ -177,6 +178,18 @@ std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool line
 
 }  // namespace
 
+RayleighDamping body_damping(const BodySpec& spec, const Description& model) {
+  RayleighDamping out = spec.damping;
+  if (spec.loss_factor == 0 || !model.moves || model.statics) return out;
+  if (spec.loss_frequency == 0)
+    fail(spec.place,
+         "structural damping (loss_factor) is that of frequency responses and modes: no motion in time has it. Give "
+         "'frequency' in 'damping', where viscous damping of the stiffness is the same in a motion, or take ratio = "
+         "loss_factor / 2 instead");
+  out.stiffness += spec.loss_factor / (2 * std::numbers::pi * spec.loss_frequency);
+  return out;
+}
+
 BuiltBody build_body(const BodySpec& spec, const Description& model, const FrameBuilder& frames, Mechanism& out) {
   BuiltBody built;
   built.spec = spec;
@@ -204,7 +217,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
     reduce_body(std::move(body), model, frames, out, built);
     return built;
   }
-  body->set_damping(spec.damping);
+  body->set_damping(body_damping(spec, model));
   body->set_gravity(to_point(gravity));
   body->set_pool(&out.pool);
   std::array<double, 9> rows{};

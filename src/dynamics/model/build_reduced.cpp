@@ -50,6 +50,25 @@ Eigen::MatrixXd pressures_on(const BuiltBody& body, const Description& model) {
   return loads;
 }
 
+/// What a place for each of many loads costs, and what serves instead.
+void note_loaded_nodes(BuiltBody& body, const Description& model, const FrameBuilder& frames,
+                       const ReducedShapes& shapes) {
+  constexpr std::size_t kMany = 4;
+  std::size_t nodes = 0;
+  for (const ForceSpec& force : model.forces)
+    for (const MarkerSpec& marker : force.frames) {
+      const MarkerSpec& at = frames.resolve(marker);
+      if (at.body == body.spec.name && (at.node || (at.near && at.face.empty()))) ++nodes;
+    }
+  if (nodes < kMany) return;
+  body.notices.push_back(fmt::format(
+      "it is reduced, and each of the {} nodes that forces act on is an interface with static shapes of its own: {} of "
+      "its {} shapes. What a step costs grows with their square. One force on a face or a node set (face = \"SET\", "
+      "nodes = \"SET\") or a pressure has the shapes of one interface; loads on very many nodes are cheaper without "
+      "'reduce'",
+      nodes, shapes.from_interfaces, shapes.mass.size()));
+}
+
 }  // namespace
 
 void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, const FrameBuilder& frames,
@@ -66,13 +85,13 @@ void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, 
   solver.threads = out.pool.size();
   ReducedShapes shapes = reduce(*alone, interfaces, pressures_on(body, model), *body.spec.reduction, solver);
   ReducedInertia inertia = inertia_of_mesh(alone->body(), shapes);
-  add_reduced(std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), std::move(inertia),
-                                            body.spec.reduction->damping),
-              model, out, body);
+  note_loaded_nodes(body, model, frames, shapes);
+  add_reduced(std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), std::move(inertia), 0), model, out,
+              body);
 }
 
 void add_reduced(std::unique_ptr<ReducedBody> reduced, const Description& model, Mechanism& out, BuiltBody& body) {
-  reduced->set_damping(body.spec.damping);
+  reduced->set_damping(body_damping(body.spec, model));
   reduced->set_gravity(body.spec.gravity.value_or(model.gravity));
   const Vec3 at_origin = body.spec.velocity - body.spec.angular_velocity.cross(body.spec.position);
   reduced->set_initial_motion(body.spec.rotation, body.spec.position, at_origin, body.spec.angular_velocity);

@@ -35,8 +35,7 @@ void build_substructure(const Description& model, Mechanism& out, BuiltBody& bod
     for (const std::int64_t label : line)
       if (!spec.find(label)) throw std::invalid_argument(fmt::format("'lines': there is no node {}", label));
   body.flexible = &made.points->body();
-  add_reduced(std::make_unique<ReducedBody>(std::move(made.points), std::move(made.shapes), std::move(made.inertia),
-                                            options.damping),
+  add_reduced(std::make_unique<ReducedBody>(std::move(made.points), std::move(made.shapes), std::move(made.inertia), 0),
               model, out, body);
 }
 

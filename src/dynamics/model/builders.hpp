@@ -46,6 +46,9 @@ struct HeldPoint {
 void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, const FrameBuilder& frames,
                  Mechanism& out, BuiltBody& body);
 
+/// Rayleigh's damping of a body, with what stands in motions for its structural damping. @throws Error(invalid_input)
+/// where there is nothing that could
+[[nodiscard]] RayleighDamping body_damping(const BodySpec& spec, const Description& model);
 /// What both have in common: damping, gravity, motion at the start.
 void add_reduced(std::unique_ptr<ReducedBody> reduced, const Description& model, Mechanism& out, BuiltBody& body);
 /// A body given by matrices from files.

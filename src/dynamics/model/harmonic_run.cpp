@@ -8,6 +8,7 @@
 
 #include "dynamics/model/fields/field_quantity.hpp"
 #include "dynamics/model/harmonic_observer.hpp"
+#include "dynamics/model/structural_damping.hpp"
 #include "harmonic/respond.hpp"
 
 namespace espalier::dynamics::model {
@@ -125,7 +126,14 @@ ModelHarmonicResult run_harmonic(const HarmonicCase& of) {
   ModelHarmonicResult out;
   for (const Quantity& q : of.quantities) out.quantities.push_back(q.name);
   for (const HarmonicSpec::Load& load : of.spec.loads) out.loads.push_back(load.name);
+  const StructuralDamping structural(of.mechanism);
   const Linearised a = linearise(of.equations, of.state);
+  SparseMatrix h;
+  if (structural.any()) {
+    h = structural.matrix(of.state);
+    h.rows = h.cols = a.size();
+    h.col_ptr.resize(static_cast<std::size_t>(a.size()) + 1, h.col_ptr.back());
+  }
   const Loads loads = driven_numbers(of);
   // All of K is multiplied by 1 + i eta, and so are Phi_q and its transpose, which have no damping: their right sides
   // are multiplied, too, and multipliers are (1 + i eta) times those of the solution.
@@ -144,7 +152,7 @@ ModelHarmonicResult run_harmonic(const HarmonicCase& of) {
   HarmonicOptions options = of.spec.options;
   options.solver = of.solver;
   out.response =
-      harmonic::respond(a.stiffness, a.damping, a.mass, f, static_cast<Index>(loads.size()), options, &observer);
+      harmonic::respond(a.stiffness, a.damping, a.mass, f, static_cast<Index>(loads.size()), options, &observer, h);
   out.status = out.response.status;
   if (!out.status.ok()) out.status.message = "harmonic: " + out.status.message;
   if (!of.equilibrium && max_norm(of.state.a) > 1e-9)

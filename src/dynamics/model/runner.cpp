@@ -182,6 +182,7 @@ void Runner::prepare() {
   }
   if (options_.restart.empty() && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
   if (statics) find_equilibrium(consistency);
+  if (!model_.statics) set_modal_damping();
   if (options_.restart.empty() && !model_.statics) find_modes();
   if (model_.statics) mechanism_->system.set_load_factor(0);
   summary_.t_begin = time();

@@ -88,6 +88,7 @@ class Runner {
   [[nodiscard]] Equations& static_equations();
   void turn_steadily();  ///< velocities and accelerations of that rotation, in an equilibrium
   void note_statics(const StaticsResult& result);
+  void set_modal_damping();
   void find_modes();
   void give_response();  ///< respond(), and its files, where the model asks for it
   /// Velocities that stand in the text are meant; those of other bodies follow from the constraints, with a notice.

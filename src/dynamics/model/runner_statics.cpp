@@ -2,11 +2,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
+#include <numbers>
 
+#include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/model/fields/mode_values.hpp"
 #include "dynamics/model/free_motions.hpp"
 #include "dynamics/model/runner.hpp"
+#include "dynamics/model/structural_damping.hpp"
 #include "dynamics/steady/steady_modes.hpp"
 
 namespace espalier::dynamics::model {
@@ -113,6 +117,7 @@ void Runner::run_statics(const SimulationObserver& observer) {
     if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
     guard_->check(state_, true);
     turn_steadily();
+    set_modal_damping();
     find_modes();
     files_->modes(state_, shapes_);
     show_shapes();
@@ -180,6 +185,19 @@ void Runner::note_statics(const StaticsResult& result) {
   for (const CriticalPoint& c : result.critical) summary_.critical.push_back({c.load, c.limit});
 }
 
+// By the modes of the model as it stands, without damping of its own.
+void Runner::set_modal_damping() {
+  if (mechanism_->modal_damping == nullptr) return;
+  constexpr Index kAll = 300, kMost = 100;  // velocity coordinates of models whose modes are all found; modes of others
+  const Index n = mechanism_->system.sizes().velocity, count = n <= kAll ? n : kMost;
+  const UndampedModes found = undamped_vibrations(*equations_, state_, count, modes_solver_);
+  mechanism_->modal_damping->set(mechanism_->system, state_, found.squares, found.shapes);
+  if (n > kAll && static_cast<Index>(found.squares.size()) == count)
+    summary_.notices.push_back(
+        fmt::format("damping by ratio: the lowest {} modes have it; those above {:.4g} per unit of time are not damped",
+                    count, std::sqrt(found.squares.maxCoeff()) / (2 * std::numbers::pi)));
+}
+
 void Runner::find_modes() {
   if (model_.initial.modes == 0) return;
   const auto count = static_cast<Index>(model_.initial.modes);
@@ -200,7 +218,10 @@ void Runner::find_modes() {
     std::fill(at.v.begin(), at.v.end(), 0.0);
     make_consistent(*equations_, at);
   }
-  Vibrations found = small_vibrations(*equations_, at, count, modes_solver_);
+  const StructuralDamping structural(*mechanism_);
+  SparseMatrix h;
+  if (structural.any()) h = structural.matrix(at);
+  Vibrations found = small_vibrations(*equations_, at, count, modes_solver_, structural.any() ? &h : nullptr);
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
   std::optional<double> load;

@@ -93,6 +93,13 @@ class SensitivityRun {
     if (method_ == SensitivityMethod::adjoint && modes_ > 0)
       throw Error(StatusCode::invalid_input,
                   "the adjoint method finds derivatives of quantities, not of [initial] modes: take the forward one");
+    if (method_ == SensitivityMethod::adjoint && !statics_)
+      for (const dynamics::model::BodySpec& body : model.bodies)
+        if (body.modal_damping > 0)
+          dynamics::model::fail(
+              body.place,
+              "the adjoint method does not pass damping by ratio of modes yet: take the forward one, "
+              "or give the ratio at two frequencies (damping = { ratio = ..., frequencies = [...] })");
     nominal_ = std::make_unique<Runner>(model, options_, result.summary);
     if (method_ == SensitivityMethod::adjoint && !statics_) refuse_memory(model);
     for (const SensitivityParameter& p : parameters) {
