@@ -139,7 +139,6 @@ void set_default_tolerances(IntegratorSpec& integrator, Equations& equations, co
   if (!(moves > kNothing)) return;  // until something happens
   moves = std::clamp(moves, kLeastWay, 1.0);
   budget.accuracy *= moves;
-  budget.speed *= moves;
 }
 
 }  // namespace espalier::dynamics::model
