@@ -61,7 +61,7 @@ void EnergyBalance::step(const State& s) {
   const double work = 0.5 * h * (before.power + now.power);
   work_ += work;
   absolute_work_ += 0.5 * h * (std::abs(before.power) + std::abs(now.power));
-  uncertainty_ += 0.5 * h * std::abs(now.power - before.power);
+  uncertainty_ += 0.25 * h * std::abs(now.power - before.power);
   gain_ += now.energy.kinetic + now.energy.potential - before.energy.kinetic - before.energy.potential - work;
   last_ = s;
   known_ = now;

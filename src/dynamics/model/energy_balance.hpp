@@ -36,7 +36,7 @@ class EnergyBalance {
 
   [[nodiscard]] double work() const { return work_; }  ///< integral of P
   [[nodiscard]] double gain() const { return gain_; }  ///< of the steps; negative: a loss
-  /// What the sum of trapezoids may be off: a power that rises or falls in a step lies between its ends.
+  /// What the sum of trapezoids may be off: what it changes with every other point left out, in parts.
   [[nodiscard]] double uncertainty() const { return uncertainty_; }
   /// Largest kinetic energy, or range of the potential one, or sum of all work, whichever is the largest.
   [[nodiscard]] double scale() const;
