@@ -90,7 +90,7 @@ Place box(double x, double y, double z) {
 
 /// A bar that lies across the axes.
 std::array<double, 3> diagonal(double u, double v, double w) {
-  return {6 * u - 0.5 * v + 0.5 * w, 6 * u + v, 6 * u - 0.5 * v - 0.5 * w};
+  return {6 * u - 0.5 * v - 0.5 * w, 6 * u + v, 6 * u - 0.5 * v + 0.5 * w};
 }
 
 /// A quarter of a cylinder.

@@ -209,7 +209,7 @@ angular_velocity = [0, "20/s", 0]
 type = "beam"
 start = ["0.1*m", 0, 0]
 end = ["1.1*m", 0, 0]
-elements = 4
+elements = 2
 height = "0.02*m"
 width = "0.004*m"
 material = "steel"
@@ -217,9 +217,9 @@ material = "steel"
 bearing = { type = "revolute", bodies = ["ground", "crank"], at = [0, 0, 0], axis = [0, 1, 0] }
 pin = { type = "revolute", a = { body = "crank", point = ["0.05*m", 0, 0], axis = [0, 1, 0] }, b = { body = "beam", node = 1, axis = [0, 1, 0] } }
 [integrator]
-end = "0.02*s"
+end = "0.004*s"
 )",
-              1e-8, 1e-6);
+              1e-8, 1e-5);
   expect_same("gravity = [0, 0, \"-9.81*m/s^2\"]\n" + kHead + R"([bodies.ball]
 type = "rigid"
 mass = "2*kg"
@@ -235,7 +235,7 @@ stiffness = "1e6*N/m"
 [integrator]
 end = "0.05*s"
 )",
-              1e-8, 1e-6);
+              1e-8, 1e-5);
 }
 
 // A mechanism whose loop has redundant constraints, with velocities that follow from one that is given.

@@ -61,12 +61,13 @@ void BdfIntegrator::predict() {
 }
 
 // The numbers of a budget were found on the models of bench/dynamics/default_settings.py, so that their errors stay at
-// the accuracy: in a step places may have so many times its share of it. Stiff systems have the numbers of order 2.
+// the accuracy: in a step places may have so many times its share of it. Where damping ends
+// stiff vibrations no long run of small steps is expected.
 double BdfIntegrator::tolerance_of_position(std::size_t i, double size) const {
   constexpr double kOfOrderFive = 3;
   const ErrorBudget& budget = options_.budget;
   if (!budget.given()) return options_.relative * size + options_.absolute;
-  return (budget.stiff() ? 1 : kOfOrderFive) * budget.accuracy * budget.size(i);
+  return (options_.max_order <= 2 ? 1 : kOfOrderFive) * budget.accuracy * budget.size(i);
 }
 
 // Of a budget, over the size of a coordinate.
@@ -83,10 +84,11 @@ double BdfIntegrator::tolerance_of_velocity(std::size_t i) const {
 }
 
 void BdfIntegrator::take_share() {
-  constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kMost = 0.05;
+  constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kLeastOfDamped = 0.03, kMost = 0.05;
   const ErrorBudget& budget = options_.budget;
   if (budget.given()) {
-    share_q_ = std::clamp(h_ / budget.duration, budget.stiff() ? kLeastOfStiff : kLeast, kMost);
+    const double least = !budget.stiff() ? kLeast : options_.max_order <= 2 ? kLeastOfStiff : kLeastOfDamped;
+    share_q_ = std::clamp(h_ / budget.duration, least, kMost);
     share_v_ = budget.stiff() ? 1 : share_q_;
   }
   // Newton's iteration leaves newton_tolerance, a hundredth, of what v may be off by.

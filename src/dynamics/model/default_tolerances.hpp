@@ -12,8 +12,9 @@ namespace espalier::dynamics::model {
 
 /// Makes them from the model: its extent (bodies and what they are joined to, at the start), the duration of the run,
 /// and whether stiff vibrations are to be expected, which flexible bodies have; those get order 2 unless an order is
-/// stated. Flexible bodies that only vibrate about where they are held count as large as they move: as far as one long
-/// implicit step of the linearised equations says. The units do not matter: in others the steps are the same.
+/// stated, or damping ends them. Flexible bodies that only vibrate about where they are held count as large as they
+/// move: as far as one long implicit step of the linearised equations says. The units do not matter: in others the
+/// steps are the same.
 /// @param state  consistent, at the start
 /// @param duration  of the run as the text has it; may be infinite
 void set_default_tolerances(IntegratorSpec& integrator, Equations& equations, const Mechanism& mechanism,

@@ -210,7 +210,10 @@ void Runner::find_modes() {
                                 m.standing_frequency});
       shapes_.push_back(std::move(m.mode.shape));
     }
-    if (!found.modes.empty()) return summary_.notices.push_back(found.notice);
+    if (!found.modes.empty()) {
+      if (StructuralDamping(*mechanism_).any()) found.notice += "; without structural damping";
+      return summary_.notices.push_back(found.notice);
+    }
     summary_.notices.push_back(fmt::format(
         "initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes that turn with a "
         "body {}: the modes are those of the same positions at rest",
