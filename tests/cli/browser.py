@@ -3,6 +3,7 @@
 import base64
 import json
 import os
+import pathlib
 import select
 import shutil
 import subprocess
@@ -94,13 +95,24 @@ class Browser:
         self.problems.clear()
         self.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=width < 600)
         self.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}])
-        self.call("Page.navigate", url=f"file://{os.path.abspath(path)}")
+        url = pathlib.Path(path).resolve().as_uri()
+        self.run("window.left = true")  # of the page that is there now
+        asked = 0
         deadline = time.monotonic() + 60
-        while not self.run("document.readyState === 'complete' && !!window.espalier && location.protocol === 'file:'"):
+        while not self._shows(url):
             if time.monotonic() > deadline:
                 raise TimeoutError("the page did not load")
+            if time.monotonic() > asked + 10:  # a page that loads itself again may come between
+                self.call("Page.navigate", url=url)
+                asked = time.monotonic()
             time.sleep(0.05)
         self.run("window.espalier.ready")
+
+    def _shows(self, url):
+        try:
+            return self.run(f"document.readyState === 'complete' && !!window.espalier && location.href === {json.dumps(url)} && !window.left")
+        except RuntimeError:  # between two pages
+            return False
 
     def run(self, script, timeout=60):
         """The value of an expression, awaited."""
@@ -121,7 +133,11 @@ class Browser:
             self.call("Browser.close", timeout=5)
         except (OSError, RuntimeError, TimeoutError):
             self._process.kill()
-        self._process.wait(timeout=10)
+        try:
+            self._process.wait(timeout=10)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         os.close(self._read)
         os.close(self._write)
         self._folder.cleanup()

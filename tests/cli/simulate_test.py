@@ -124,7 +124,7 @@ class Simulate(Cli):
         self.assertEqual(report["integrator"]["method"], "statics")
         self.assertGreater(report["statics"]["steps"], 0)
         self.assertEqual(report["statics"]["critical"], [])
-        self.assertEqual([pathlib.Path(name).name for name in report["files"]], ["quantities.csv", "motion.pvd"])
+        self.assertEqual([pathlib.Path(name).name for name in report["files"]], ["quantities.csv", "motion.pvd", "index.html"])
         rows = self.rows(out)
         self.assertEqual([rows[0]["time"], rows[-1]["time"]], [0, 2])
         self.assertAlmostEqual(rows[-1]["bob.position.y"], -1, delta=1e-9)
@@ -140,7 +140,7 @@ class Simulate(Cli):
             self.assertEqual(row["energy.total"], row["energy.kinetic"] + row["energy.potential"])
         self.assertEqual(report["values"]["bob.position.x"], rows[-1]["bob.position.x"])
         self.assertEqual(json.loads((out / "summary.json").read_text())["values"], report["values"])
-        self.assertEqual({pathlib.Path(f).name for f in report["files"]}, {"quantities.csv", "motion.pvd", "state.restart"})
+        self.assertEqual({pathlib.Path(f).name for f in report["files"]}, {"quantities.csv", "motion.pvd", "state.restart", "index.html"})
 
     def test_set_and_until(self):
         report = self.report(PENDULUM, "--set", "parameters.length=4", "--until", 0.5, "--set=output.quantities=[\"bob.position\"]")

@@ -98,10 +98,8 @@ void Runner::write_page(const Status& status, bool running) noexcept {
     double seconds = 0;  // counted by the caller, where the run goes on
     {
       const base::Stopwatch watch(seconds);
-      if (running)
-        finish();
-      else
-        page_->film().end(sample(last_report_));
+      if (running) finish();
+      page_->film().end(sample(last_report_));
       page::RunOfPage run = run_of_page(running);
       run.status = status;
       page_->write(run);

@@ -34,7 +34,7 @@ class Film {
   /// @param reference  displacements count from it
   void begin(const model::Sample& s, const State& reference);
   void step(const model::Sample& s);
-  void end(const model::Sample& s);  ///< the state where the run stands, whatever its time
+  void end(const model::Sample& s);  ///< the state where the run stands, now or for good, whatever its time
   void restore(const model::Sample& s);
   /// Shapes of modes or of a response about a state.
   void swing(const State& about, const std::vector<Swing>& shapes);

@@ -6,8 +6,8 @@ function connectStage(app) {
   byId('field').replaceChildren(...fieldsOf(film, app.statics).map(name => element('option', {value: name}, kFields[name].name)));
   const stressed = [...byId('field').options].some(option => option.value === 'von_mises');
   byId('field').value = stressed && film.frames.length > 1 ? 'von_mises' : 'bodies';
-  byId('motion').addEventListener('change', () => app.chooseMotion());
-  byId('field').addEventListener('change', () => app.chooseField());
+  byId('motion').addEventListener('change', () => { app.work = app.chooseMotion(); });
+  byId('field').addEventListener('change', () => { app.work = app.chooseField(); });
   byId('range').addEventListener('change', () => app.redraw());
   byId('factor').addEventListener('input', () => app.redraw());
   byId('fit').addEventListener('click', () => stage.fit());

@@ -40,7 +40,7 @@ function publish(app) {
   };
   window.espalier.nodes = name => { const body = bodyNamed(name); return [...film.labels.subarray(body.first, body.first + body.count)]; };
   window.espalier.pick = (name, node) => { app.pick(film.pointOf(bodyNamed(name), node)); return byId('picked').textContent; };
-  window.espalier.select = async (id, value) => { byId(id).value = value; byId(id).dispatchEvent(new Event('change')); await new Promise(done => setTimeout(done, 50)); };
+  window.espalier.select = async (id, value) => { byId(id).value = value; byId(id).dispatchEvent(new Event('change')); await app.work; };
   window.espalier.pixels = () => countPixels(app.stage);
 }
 
