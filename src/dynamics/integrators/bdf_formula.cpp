@@ -84,7 +84,7 @@ double BdfIntegrator::tolerance_of_velocity(std::size_t i) const {
 }
 
 void BdfIntegrator::take_share() {
-  constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kLeastOfDamped = 0.03, kMost = 0.05;
+  constexpr double kLeast = 5e-4, kLeastOfStiff = 2e-3, kLeastOfDamped = 0.01, kMost = 0.05;
   const ErrorBudget& budget = options_.budget;
   if (budget.given()) {
     const double least = !budget.stiff() ? kLeast : options_.max_order <= 2 ? kLeastOfStiff : kLeastOfDamped;
