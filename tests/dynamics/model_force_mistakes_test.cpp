@@ -48,7 +48,7 @@ std::vector<Mistake> force_mistakes() {
       {"vector", with_torque("\"bob.position\""), {"model.toml:21", "add .x, .y, .z or .norm"}},
       {"acceleration", with_torque("\"bob.acceleration.x\""), {"'bob' has no 'acceleration' for expressions"}},
       {"flexible", with_torque("\"bar.position.x\""), {"by markers on them", "'bar'"}},
-      {"energy", with_torque("\"energy.total\""), {"no body, marker, joint or force 'energy'"}},
+      {"energy", with_torque("\"energy.total\""), {"no body, marker, joint, support or force 'energy'"}},
       {"unknown function",
        with_torque("\"sinn(t)\""),
        {"model.toml:21", "unknown function 'sinn'", "did you mean 'sin'"}},
