@@ -301,6 +301,12 @@ TEST(LinearStatics, RefusesWhatIsNotHeld) {
       "material = { young = 2e11 }\n[supports]\nwall = { body = \"bar\", face = \"x0\", hold = \"xy\" }\n" +
       kLinear);
   EXPECT_NE(flexible.find("'bar' can move along z"), std::string::npos) << flexible;
+  const std::string shell = failure_of(
+      "[bodies.roof]\ntype = \"shell\"\nx = [1, 0, 0]\ny = [0, 0.1, 0]\nnx = 9\nny = 2\nthickness = 1e-3\nmaterial = { "
+      "young = 2e11, "
+      "poisson = 0.3 }\n[supports]\nwall = { body = \"roof\", edge = \"x0\", hold = \"xyz\" }\n" +
+      kLinear);
+  EXPECT_NE(shell.find("'roof' can turn about y"), std::string::npos) << shell;
   // A cable without bending stiffness between two pins: no body as a whole can move.
   const std::string slack = failure_of(
       "[bodies.rope]\ntype = \"cable\"\nstart = [0, 0, 0]\nend = [1, 0, 0]\nelements = 4\naxial = 1e5\nbending = 0\n"

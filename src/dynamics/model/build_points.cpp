@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numbers>
 #include <stdexcept>
 
 #include "dynamics/model/builders.hpp"
@@ -14,15 +16,15 @@ Vec3 reference_of(const FlexibleBody& body, Index node) {
   return Eigen::Map<const Vec3>(body.reference().data() + 3 * node * body.vertices_per_node());
 }
 
-/// Their vertices, each once.
+/// Their vertices, each once. @param turning those that take part in the rotation: about their own mean, `centre`
 std::vector<FrameVertex> vertices_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights,
-                                     const Vec3& centre, bool turns) {
+                                     const Vec3& centre, const std::vector<char>& turning) {
   std::vector<FrameVertex> vertices;
   std::map<Index, std::size_t> known;
   for (std::size_t k = 0; k < points.size(); ++k)
     for (const auto& [vertex, factor] : points[k].parts) {
       const double weight = factor * weights[k];
-      const Vec3 arm = turns ? Vec3(weight * (points[k].reference - centre)) : Vec3::Zero();
+      const Vec3 arm = turning[k] != 0 ? Vec3(weight * (points[k].reference - centre)) : Vec3::Zero();
       const auto [it, fresh] = known.emplace(vertex, vertices.size());
       if (fresh) {
         vertices.push_back({vertex, weight, arm});
@@ -34,16 +36,35 @@ std::vector<FrameVertex> vertices_of(const std::vector<HeldPoint>& points, const
   return vertices;
 }
 
-Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights) {
+/// Of the points that are marked.
+Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights,
+             const std::vector<char>& marked) {
   Vec3 sum = Vec3::Zero();
-  for (std::size_t k = 0; k < points.size(); ++k) sum += weights[k] * points[k].reference;
-  return sum;
+  double all = 0;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    if (marked[k] == 0) continue;
+    sum += weights[k] * points[k].reference;
+    all += weights[k];
+  }
+  return sum / all;
+}
+
+/// About `most` of `count`, evenly spread as in thinned(); all where `most` is 0.
+std::vector<char> marks_of(std::size_t count, int most) {
+  std::vector<char> marks(count, 1);
+  if (most <= 0 || count <= static_cast<std::size_t>(most)) return marks;
+  const double share = most / static_cast<double>(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    const double x = static_cast<double>(k) * std::numbers::phi;
+    marks[k] = x - std::floor(x) < share ? 1 : 0;
+  }
+  return marks;
 }
 
 }  // namespace
 
 std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point) {
-  return std::make_unique<FlexibleFrame>(body, vertices_of({point}, {1}, Vec3::Zero(), false));
+  return std::make_unique<FlexibleFrame>(body, vertices_of({point}, {1}, Vec3::Zero(), {0}));
 }
 
 std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltBody& body) const {
@@ -103,8 +124,8 @@ std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const Ma
     base.push_back(points[k]);
   }
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  return {std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(base, {1.0 / 3, 1.0 / 3, 1.0 / 3}, centre, true),
-                                          axes),
+  return {std::make_unique<FlexibleFrame>(*body.flexible,
+                                          vertices_of(base, {1.0 / 3, 1.0 / 3, 1.0 / 3}, centre, {1, 1, 1}), axes),
           centre};
 }
 
@@ -119,7 +140,6 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, cons
   double sum = 0;
   for (const double w : weights) sum += w;
   for (double& w : weights) w /= sum;
-  const Vec3 centre = mean_of(points, weights);
   // Nodes on a line have no rotation about it: a place alone, unless axes are asked for.
   double across = 0, along = 0;
   if (points.size() > 2) {
@@ -129,7 +149,10 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, cons
     across = (points[base[2]].reference - points[base[0]].reference).cross(line).norm();
   }
   const bool turns = m.attach == Attach::mean || across > 1e-4 * along;
-  return std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(points, weights, centre, turns), axes);
+  // The rotation couples its nodes in one dense block: of large sets some make it, all the place.
+  const std::vector<char> turning = turns ? marks_of(points.size(), m.most_nodes) : std::vector<char>(points.size(), 0);
+  const Vec3 centre = turns ? mean_of(points, weights, turning) : Vec3::Zero();
+  return std::make_unique<FlexibleFrame>(*body.flexible, vertices_of(points, weights, centre, turning), axes);
 }
 
 }  // namespace espalier::dynamics::model

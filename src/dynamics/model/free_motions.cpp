@@ -120,12 +120,8 @@ class HeldRows {
     sum.parts.emplace_back(owner_[c], term);
   }
 
-  /// Terms of the row's own coordinate that are not there any more, but for their rounding.
-  void add_scale(Index row, double value) {
-    const auto c = static_cast<std::size_t>(row);
-    if (owner_[c] == nullptr) return;
-    rows_[c].scale += value * owner_[c]->velocity(place_[c]).cwiseAbs().maxCoeff();
-  }
+  /// Terms for motions of the bodies that are not there any more, but for their rounding.
+  void add_scale(Index row, double value) { rows_[static_cast<std::size_t>(row)].scale += value; }
 
   /// Bodies that rows join, each group in the order of the bodies; a body by itself is a group, too.
   [[nodiscard]] std::vector<std::vector<const WholeBody*>> groups(const std::vector<WholeBody>& bodies) const {
@@ -287,9 +283,9 @@ std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t co
     stiffness.resize(coordinates, 0.0);
     const double area = shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
     for (Index node = 0; node < body.flexible->nodes(); ++node)
-      for (Index i = 0; i < 3; ++i)
+      for (Index i = 0; i < 6; ++i)
         stiffness[static_cast<std::size_t>(body.flexible->coordinate(2 * node) + i)] =
-            shell->material.young * area / shell->thickness;
+            shell->material.young * area / (i < 3 ? shell->thickness : 2);
   }
   return stiffness;
 }

@@ -17,7 +17,7 @@ struct FreeMotions {
 
 /// Stiffness that the elements of shells have summed away before W sees it, of each coordinate; empty without shells. A
 /// shell is a hexahedron with its nodes in pairs, whose stretch, E area / thickness, is added up and taken away again:
-/// its rounding stays.
+/// its rounding stays. Of a director half the thickness of that.
 [[nodiscard]] std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t coordinates);
 
 /// A text for every body that can move as a whole without a joint, a spring or another body's stiffness against it, for
