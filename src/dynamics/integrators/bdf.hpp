@@ -60,9 +60,9 @@ struct BdfOptions {
 /// which equals K [dq; mu] = [h' W (R1 + h' R2); -Phi] and so on, but needs no product with W. Every level is met at
 /// the q and v that it depends on, and z, which is normal to the constraints, does not take v and q off them again:
 /// the error of a pass is then that of W and Phi_q alone, and the derivatives of Phi_q v and gamma are not missed.
-/// Non-holonomic constraints have no Phi: h' (Phi_q T(theta) theta_dot - nu) stands in its place, so that the formula of
-/// q slips as little as v does.
-/// Once q and v are as good as the error test asks for, what is left of the three levels is projected away without F.
+/// Non-holonomic constraints have no Phi: h' (Phi_q T(theta) theta_dot - nu) stands in its place, so that the formula
+/// of q slips as little as v does. Once q and v are as good as the error test asks for, what is left of the three
+/// levels is projected away without F.
 ///
 /// Where the factor and flexible bodies lie on a GPU, the vectors of this iteration, the history and the error test
 /// follow them (bdf_device.cpp). The host then sees what its joints and forces look at, and the whole state once a

@@ -178,15 +178,16 @@ void Runner::find_modes() {
     SteadyModes found = steady_modes(*equations_, mechanism_->system, state_, count, modes_solver_);
     shapes_.clear();
     for (SteadyMode& m : found.modes) {
-      summary_.modes.push_back({m.mode.frequency, m.mode.damping_ratio, m.mode.eigenvalue.real(), m.whirl,
-                                m.standing_frequency});
+      summary_.modes.push_back(
+          {m.mode.frequency, m.mode.damping_ratio, m.mode.eigenvalue.real(), m.whirl, m.standing_frequency});
       shapes_.push_back(std::move(m.mode.shape));
     }
     if (!found.modes.empty()) return summary_.notices.push_back(found.notice);
-    summary_.notices.push_back(fmt::format(
-        "initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes that turn with a "
-        "body {}: the modes are those of the same positions at rest",
-        found.notice));
+    summary_.notices.push_back(
+        fmt::format("initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes "
+                    "that turn with a "
+                    "body {}: the modes are those of the same positions at rest",
+                    found.notice));
     std::fill(at.v.begin(), at.v.end(), 0.0);
     make_consistent(*equations_, at);
   }
@@ -194,8 +195,7 @@ void Runner::find_modes() {
   if (!found.notice.empty()) summary_.notices.push_back(found.notice);
   shapes_.clear();
   for (Mode& mode : found.modes) {
-    summary_.modes.push_back(
-        {mode.frequency, mode.damping_ratio, mode.eigenvalue.real(), 0, mode.frequency});
+    summary_.modes.push_back({mode.frequency, mode.damping_ratio, mode.eigenvalue.real(), 0, mode.frequency});
     shapes_.push_back(std::move(mode.shape));
   }
 }

@@ -91,7 +91,8 @@ std::optional<std::vector<SteadyPair>> dense_steady_pairs(const SteadyPencil& p)
     const MatrixXd& v = svd.matrixV();
     Deflated level{v.rightCols(zero), v.leftCols(v.cols() - zero), {}};
     for (Eigen::Index i = 0; i < zero; ++i)
-      pairs.push_back({0, (system->xi_of * (all * level.null.col(i)).head(system->xi_of.cols())).cast<std::complex<double>>()});
+      pairs.push_back(
+          {0, (system->xi_of * (all * level.null.col(i)).head(system->xi_of.cols())).cast<std::complex<double>>()});
     level.coupling = level.null.transpose() * a * level.rest;
     a = (level.rest.transpose() * a * level.rest).eval();
     all = (all * level.rest).eval();

@@ -16,9 +16,9 @@ struct SteadyPair {
   Eigen::VectorXcd xi;              ///< n
 };
 
-/// All of them, in no order. Constraints are eliminated: xi = Z a in the null space of the holonomic ones, a' = Y u - P a
-/// with Y that of the others, and the equations of motion in the directions that no multiplier acts on. What is left is
-/// a matrix of order 2 n - 2 m_holonomic - m_others in (a, u) without infinite eigenvalues. Its eigenvalues of zero
+/// All of them, in no order. Constraints are eliminated: xi = Z a in the null space of the holonomic ones, a' = Y u - P
+/// a with Y that of the others, and the equations of motion in the directions that no multiplier acts on. What is left
+/// is a matrix of order 2 n - 2 m_holonomic - m_others in (a, u) without infinite eigenvalues. Its eigenvalues of zero
 /// (motions that nothing resists) stand in chains, which rounding would spread: they are split off by null spaces,
 /// one after the other (V. Kublanovskaya, USSR Comput. Math. Math. Phys. 6, 1966), before the QR algorithm finds the
 /// others. O(n^3)

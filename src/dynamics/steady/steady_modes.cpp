@@ -14,6 +14,7 @@
 #include "dynamics/steady/steady_dense.hpp"
 #include "dynamics/steady/steady_pencil.hpp"
 #include "espalier/solver.hpp"
+#include "modes/dense_quadratic.hpp"
 
 namespace espalier::dynamics {
 
@@ -173,18 +174,47 @@ std::string axes_notice(const Vec3& rate, const Vec3& axis, double change) {
                          : std::string());
 }
 
-/// Of few coordinates that roll by the dense method: their constraints stand in C, and the search would meet eigenvalues
-/// that are infinite but for rounding.
+/// The slowest; of `zeros` eigenvalues of zero, two for a motion that nothing resists, one for each motion: rounding
+/// makes pairs of them, or none.
+std::vector<SteadyPair> ordered(std::vector<SteadyPair> pairs, Index zeros, Index count) {
+  std::stable_sort(pairs.begin(), pairs.end(), [](const SteadyPair& a, const SteadyPair& b) {
+    return std::abs(a.eigenvalue) < std::abs(b.eigenvalue);
+  });
+  const auto first = std::find_if(pairs.begin(), pairs.end(), [](const SteadyPair& x) { return x.eigenvalue != 0.0; });
+  const auto kept = std::min<std::ptrdiff_t>((zeros + 1) / 2, first - pairs.begin());
+  pairs.erase(pairs.begin() + kept, first);
+  pairs.resize(std::min(at(count), pairs.size()));
+  return pairs;
+}
+
+/// Slow motions beside stiff ones, to their own rounding. xi: with multipliers
+void polish(const SteadyPencil& p, std::vector<SteadyPair>& pairs) {
+  constexpr Index kMost = 200;  // rows
+  if (p.stiffness.rows > kMost) return;
+  const Eigen::MatrixXd k = espalier::modes::dense_of(p.stiffness), c = espalier::modes::dense_of(p.damping),
+                        m = espalier::modes::dense_of(p.mass);
+  for (SteadyPair& pair : pairs)
+    if (pair.eigenvalue != 0.0) espalier::modes::polish_quadratic_pair(k, c, m, pair.eigenvalue, pair.xi);
+}
+
+/// Of few coordinates that roll by the dense method: their constraints stand in C, and the search would meet
+/// eigenvalues that are infinite but for rounding.
 std::vector<SteadyPair> pairs_of(const SteadyPencil& p, Index count, double fastest, const Options& solver,
                                  std::string& notice) {
   constexpr Index kDense = 300;
   constexpr double kNothing = 1e-6;
   const bool rolls = std::find(p.holonomic.begin(), p.holonomic.end(), 0) != p.holonomic.end();
   if (rolls && static_cast<Index>(p.weights.size()) <= kDense)
-    if (std::optional<std::vector<SteadyPair>> all = dense_steady_pairs(p)) return *std::move(all);
+    if (std::optional<std::vector<SteadyPair>> all = dense_steady_pairs(p)) {
+      const auto zeros =
+          std::count_if(all->begin(), all->end(), [](const SteadyPair& x) { return x.eigenvalue == 0.0; });
+      return ordered(*std::move(all), static_cast<Index>(zeros), count);
+    }
   QuadraticModesOptions options;
+  constexpr Index kAll = 150;   // rows up to which all are found, two for each
   constexpr Index kRigid = 14;  // motions that nothing resists: two eigenvalues of zero each
-  options.count = std::min<Index>(count + kRigid, p.stiffness.rows);
+  options.count = count + kRigid;
+  if (options.count > p.stiffness.rows && p.stiffness.rows > kAll) options.count = p.stiffness.rows;
   options.solver = solver;
   options.shift = shift_of(p, fastest);
   const QuadraticModesResult found = find_quadratic_modes(p.stiffness, p.damping, p.mass, options);
@@ -194,11 +224,17 @@ std::vector<SteadyPair> pairs_of(const SteadyPencil& p, Index count, double fast
   double largest = 0;
   for (const std::complex<double> e : found.eigenvalues) largest = std::max(largest, std::abs(e));
   std::vector<SteadyPair> pairs;
+  Index zeros = 0;
   for (Index i = 0; i < found.count(); ++i) {
     const std::complex<double> e = found.eigenvalues[at(i)];
     const Eigen::Map<const Eigen::VectorXcd> x(found.vectors.data() + Offset{i} * found.n, found.n);
-    pairs.push_back({std::abs(e) <= kNothing * largest ? 0 : e, x.head(static_cast<Eigen::Index>(p.weights.size()))});
+    const bool nothing = std::abs(e) <= kNothing * largest;
+    if (nothing) zeros += e.imag() != 0 ? 2 : 1;
+    pairs.push_back({nothing ? 0 : e, x});
   }
+  pairs = ordered(std::move(pairs), zeros, count);
+  polish(p, pairs);
+  for (SteadyPair& pair : pairs) pair.xi.conservativeResize(static_cast<Eigen::Index>(p.weights.size()));
   return pairs;
 }
 
@@ -231,10 +267,6 @@ SteadyModes steady_modes(Equations& equations, const AssembledSystem& system, co
   const SteadyPencil p = problem.pencil(state, out.rate, Mat3::Identity());
   for (const SteadyPair& pair : pairs_of(p, count, fastest, solver, out.notice))
     out.modes.push_back(mode_of(problem, p, pair.eigenvalue, pair.xi, axis, out.rate.norm() > 0));
-  std::stable_sort(out.modes.begin(), out.modes.end(), [](const SteadyMode& a, const SteadyMode& b) {
-    return std::abs(a.mode.eigenvalue) < std::abs(b.mode.eigenvalue);
-  });
-  out.modes.resize(std::min(at(count), out.modes.size()));
   out.notice = axes_notice(out.rate, axis, change) + out.notice;
   equations.evaluate_constraints(state.t, state.q, state.v);
   return out;

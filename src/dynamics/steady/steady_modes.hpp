@@ -18,7 +18,8 @@ struct SteadyMode {
 };
 
 struct SteadyModes {
-  std::vector<SteadyMode> modes;  ///< by modulus, one of each conjugate pair; none: the motion is not steady
+  std::vector<SteadyMode> modes;  ///< by modulus, one of each conjugate pair, one for a motion without resistance;
+                                  ///< none: the motion is not steady
   Vec3 rate = Vec3::Zero();       ///< angular velocity of the axes from which the motion is steady
   std::string notice;             ///< from which axes the motion is seen; what is not exact
 };

@@ -18,7 +18,6 @@ std::vector<double> coordinate_moves(const System& system, ConstSpan q) {
   return moves;
 }
 
-
 /// out += A B, or A where B is null
 void add_product(const SparseMatrix& a, const BlockDiagonal* b, EntrySums& out) {
   for (Index j = 0; j < a.cols; ++j) {
@@ -38,6 +37,11 @@ SparseMatrix product(const SparseMatrix& a, const BlockDiagonal& b) {
   return out.matrix();
 }
 
+/// The angular velocity of a point on a circle: a = w x v.
+Vec3 curvature_rate(const VectorCoordinates& x, const State& s) {
+  const Eigen::Map<const Vec3> v(&s.v[at(x.v)]), a(&s.a[at(x.v)]);
+  return v.squaredNorm() > 0 ? Vec3(v.cross(a) / v.squaredNorm()) : Vec3(Vec3::Zero());
+}
 
 }  // namespace
 
@@ -59,14 +63,14 @@ std::vector<Vec3> SteadyProblem::rates(const State& s) const {
   std::vector<Vec3> found;
   for (std::size_t i = 0, end = 0; i < vectors_.size(); i = end) {
     while (end < vectors_.size() && vectors_[end].body == vectors_[i].body) ++end;
-    const Vec3 w = angular_velocity(std::span(vectors_).subspan(i, end - i), s.q, s.v);
+    const Vec3 w = end - i > 1 ? angular_velocity(std::span(vectors_).subspan(i, end - i), s.q, s.v)
+                               : curvature_rate(vectors_[i], s);
     const auto same = [&](const Vec3& known) { return (known - w).norm() <= kSame * std::max(w.norm(), known.norm()); };
     if (w.norm() > 0 && std::none_of(found.begin(), found.end(), same)) found.push_back(w);
   }
   std::stable_sort(found.begin(), found.end(), [](const Vec3& a, const Vec3& b) { return a.norm() > b.norm(); });
   return found;
 }
-
 
 template <class Make>
 BlockDiagonal SteadyProblem::with_blocks(double elsewhere, const Make& make) const {
@@ -75,7 +79,6 @@ BlockDiagonal SteadyProblem::with_blocks(double elsewhere, const Make& make) con
   for (const VectorCoordinates& x : vectors_) out.blocks.push_back(make(x));
   return out;
 }
-
 
 /// S A S^T
 SparseMatrix SteadyProblem::seen(const SparseMatrix& a, const BlockDiagonal& axes) const {
@@ -90,7 +93,6 @@ SparseMatrix SteadyProblem::seen(const SparseMatrix& a, const BlockDiagonal& axe
     }
   return out.matrix();
 }
-
 
 SteadyPencil SteadyProblem::pencil(const State& s, const Vec3& rate, const Mat3& turned) {
   const TangentMatrices a = tangent_matrices(equations_.system(), s);
@@ -130,10 +132,9 @@ SteadyPencil SteadyProblem::pencil(const State& s, const Vec3& rate, const Mat3&
   return out;
 }
 
-
 // @pre levels_ was evaluated at the state
 void SteadyProblem::add_constraints(const BlockDiagonal& axes, const BlockDiagonal& of_rate, EntrySums& damping,
-                     EntrySums& stiffness) {
+                                    EntrySums& stiffness) {
   const SparsePattern& p = equations_.system().constraint_pattern();
   const ConstSpan phi_q = equations_.phi_q(), by_q = levels_.velocity_by_q();
   const std::span<const Index> of_velocity = equations_.system().non_holonomic();
@@ -169,10 +170,8 @@ void SteadyProblem::add_friction(const State& s, const BlockDiagonal& axes, Entr
   equations_.system().multiplier_tangent(s.view(), values);
   for (std::size_t r = 0; r < rows_.size(); ++r)
     for (Offset k = friction->ptr[at(rows_[r])]; k < friction->ptr[at(rows_[r]) + 1]; ++k)
-      axes.column(friction->ind[at(k)], [&](Index j, double turn) {
-        stiffness.add(j, n_ + static_cast<Index>(r), values[at(k)] * turn);
-      });
+      axes.column(friction->ind[at(k)],
+                  [&](Index j, double turn) { stiffness.add(j, n_ + static_cast<Index>(r), values[at(k)] * turn); });
 }
-
 
 }  // namespace espalier::dynamics

@@ -70,7 +70,7 @@ class SteadyProblem {
   /// @param q  a configuration, for the sizes of coordinates @param equations  outlives the object
   SteadyProblem(Equations& equations, const AssembledSystem& system, ConstSpan q);
   [[nodiscard]] const std::vector<VectorCoordinates>& vectors() const { return vectors_; }
-  /// Angular velocities of the bodies that turn, each once; the fastest first.
+  /// Angular velocities of the bodies that turn, and of points on their circles, each once; the fastest first.
   [[nodiscard]] std::vector<Vec3> rates(const State& s) const;
   /// @param rate  of the axes @param turned  what they have turned since they were the global ones
   [[nodiscard]] SteadyPencil pencil(const State& s, const Vec3& rate, const Mat3& turned);
