@@ -83,17 +83,18 @@ Json report_of(const ModelModesResult& r, int code) {
   for (const ModelModesPoint& p : r.points) {
     Json modes = Json::array();
     for (const SimulationMode& m : p.modes) {
-      Json mode = {{"frequency", m.frequency},
-                   {"damping_ratio", m.damping_ratio},
-                   {"growth", m.growth},
-                   {"whirl", m.whirl}};
+      Json mode = {
+          {"frequency", m.frequency}, {"damping_ratio", m.damping_ratio}, {"growth", m.growth}, {"whirl", m.whirl}};
       if (!std::isnan(m.standing_frequency)) mode["standing_frequency"] = m.standing_frequency;
       modes.push_back(std::move(mode));
     }
     points.push_back({{"value", p.value}, {"modes", modes}, {"notices", p.notices}});
   }
-  return {{"espalier", solver::version()}, {"exit_code", code}, {"message", r.status.message},
-          {"number", r.number},            {"points", points}};
+  return {{"espalier", solver::version()},
+          {"exit_code", code},
+          {"message", r.status.message},
+          {"number", r.number},
+          {"points", points}};
 }
 
 }  // namespace

@@ -179,8 +179,8 @@ int ModesCommand::run_model() {
                 "modes of a model: it needs no second matrix, and --damping, --generate, --buckling, --below and --out "
                 "do not go with it");
   check_outputs({{"MODEL", k_file}}, {{"--csv", csv_file}, {"--report", report_file}});
-  ModelModesCommand command{k_file, speeds, over, csv_file, static_cast<int>(options.count), {},
-                            {json, quiet, report_file}};
+  ModelModesCommand command{
+      k_file, speeds, over, csv_file, static_cast<int>(options.count), {}, {json, quiet, report_file}};
   command.options.set = set;
   for (const auto& [key, value] : flags.values()) command.options.solver.emplace_back(key, value);
   command.options.interrupted = stop_was_asked;

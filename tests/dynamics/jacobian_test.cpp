@@ -130,13 +130,21 @@ INSTANTIATE_TEST_SUITE_P(
                return prescribed_coordinate("j", std::move(a), std::move(b), 1, TimeFunction::smooth_step(0, 0, 1, 2));
              }},
         Case{"rolling_wheel",
-             [](FramePtr a, FramePtr b) { return rolling_joint("j", std::move(a), std::move(b), {0.4, 0, false}); }},
+             [](FramePtr a, FramePtr b) {
+               return rolling_joint("j", std::move(a), std::move(b), {0.4, 0, false});
+             }},
         Case{"rolling_tyre",
-             [](FramePtr a, FramePtr b) { return rolling_joint("j", std::move(a), std::move(b), {0.4, 0.1, false}); }},
+             [](FramePtr a, FramePtr b) {
+               return rolling_joint("j", std::move(a), std::move(b), {0.4, 0.1, false});
+             }},
         Case{"rolling_ball",
-             [](FramePtr a, FramePtr b) { return rolling_joint("j", std::move(a), std::move(b), {0, 0.3, false}); }},
+             [](FramePtr a, FramePtr b) {
+               return rolling_joint("j", std::move(a), std::move(b), {0, 0.3, false});
+             }},
         Case{"skate",
-             [](FramePtr a, FramePtr b) { return rolling_joint("j", std::move(a), std::move(b), {0, 0, true}); }},
+             [](FramePtr a, FramePtr b) {
+               return rolling_joint("j", std::move(a), std::move(b), {0, 0, true});
+             }},
         Case{"spring",
              [](FramePtr a, FramePtr b) { return spring_damper("f", std::move(a), std::move(b), spring_law()); }},
         Case{"axial",

@@ -1,6 +1,6 @@
-// Rolling without slip and skates: non-holonomic constraints. Truth: closed forms (E. J. Routh, "Dynamics of a system of
-// rigid bodies", advanced part; J. Neimark, N. Fufaev, "Dynamics of nonholonomic systems", 1972), energy, and the other
-// integrators.
+// Rolling without slip and skates: non-holonomic constraints. Truth: closed forms (E. J. Routh, "Dynamics of a system
+// of rigid bodies", advanced part; J. Neimark, N. Fufaev, "Dynamics of nonholonomic systems", 1972), energy, and the
+// other integrators.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
@@ -26,7 +26,8 @@ std::string alpha(double step, double end) {
 /// A solid disc of 2 kg and 0.3 m on a plane whose normal is z, its axle y.
 std::string disc(const std::string& gravity, const std::string& motion, const std::string& shape = "radius = 0.3") {
   return fmt::format(
-      "gravity = {}\n[bodies.disc]\ntype = \"rigid\"\nmass = 2\ninertia = [[0.045, 0, 0], [0, 0.09, 0], [0, 0, 0.045]]\n"
+      "gravity = {}\n[bodies.disc]\ntype = \"rigid\"\nmass = 2\ninertia = [[0.045, 0, 0], [0, 0.09, 0], [0, 0, "
+      "0.045]]\n"
       "{}\n[joints.rolls]\ntype = \"rolling\"\na = {{ body = \"ground\", axis = [0, 0, 1] }}\n"
       "b = {{ body = \"disc\", axis = [0, 1, 0] }}\n{}\n",
       gravity, motion, shape);
@@ -61,8 +62,8 @@ TEST(Rolling, WobblingDiscKeepsItsTilt) {
   constexpr double kMass = 2, kRadius = 0.3, kA = 0.045, kC = 0.09, kGravity = 9.81;
   for (const auto& [theta, rate] : {std::pair(1.2, 3.0), {0.6, 14.0}, {2.2, 5.0}, {1.5, -0.4}}) {
     const double s = std::sin(theta), c = std::cos(theta);
-    const double spin = (kA * rate * rate * s * c - kMass * kGravity * kRadius * c) /
-                        ((kC + kMass * kRadius * kRadius) * rate * s);
+    const double spin =
+        (kA * rate * rate * s * c - kMass * kGravity * kRadius * c) / ((kC + kMass * kRadius * kRadius) * rate * s);
     // Axle (0, s, c); up along the disc (0, -c, s); velocity of the centre omega x a up along x.
     const double up = rate * s;  // of Omega z along the disc's upward radius
     const auto omega = [&](double axle, double along) { return axle + along; };
@@ -73,7 +74,8 @@ TEST(Rolling, WobblingDiscKeepsItsTilt) {
         kRadius * s, kPi / 2 - theta, vx, wy, wz);
     const double end = 2 * kPi / std::abs(rate);
     for (const std::string& integrator : {bdf(end), alpha(end / 800, end)}) {
-      Simulation run = simulated(disc("[0, 0, -9.81]", motion) + integrator + "[output]\nquantities = [\"rolls.normal_force\"]\n");
+      Simulation run =
+          simulated(disc("[0, 0, -9.81]", motion) + integrator + "[output]\nquantities = [\"rolls.normal_force\"]\n");
       const double tolerance = integrator.find("alpha") == std::string::npos ? 1e-6 : 1e-3;
       EXPECT_NEAR(run.value("disc.position.z"), kRadius * s, tolerance) << theta;
       EXPECT_NEAR(run.value("disc.position.x"), 0, 30 * tolerance) << theta;  // once around
@@ -144,7 +146,8 @@ TEST(Rolling, ChaplyginSleigh) {
   const double j = kInertia + kMass * kAhead * kAhead, u = kTurn * std::sqrt(j / kMass), k = kAhead * kTurn * kTurn / u;
   const auto model = [&](const std::string& integrator) {
     return fmt::format(
-        "[bodies.sleigh]\ntype = \"rigid\"\nmass = 3\ninertia = [0.4, 0.4, 0.4]\nposition = [0.5, 0, 0]\nvelocity = [0, "
+        "[bodies.sleigh]\ntype = \"rigid\"\nmass = 3\ninertia = [0.4, 0.4, 0.4]\nposition = [0.5, 0, 0]\nvelocity = "
+        "[0, "
         "1, 0]\nangular_velocity = [0, 0, 2]\n[joints.plane]\ntype = \"planar\"\nbodies = [\"ground\", \"sleigh\"]\nat "
         "= [0, 0, 0]\naxis = [0, 0, 1]\n[joints.skate]\ntype = \"skate\"\nbodies = [\"ground\", \"sleigh\"]\nat = [0, "
         "0, 0]\naxis = [0, 0, 1]\nx_axis = [1, 0, 0]\n{}",
@@ -158,7 +161,8 @@ TEST(Rolling, ChaplyginSleigh) {
     EXPECT_NEAR(run.value("sleigh.angular_velocity.z"), turn, tolerance);
     EXPECT_NEAR(run.value("sleigh.rotation.z"), heading, tolerance);
     const double speed = u * std::tanh(k * kEnd);
-    EXPECT_NEAR(run.value("sleigh.velocity.x"), speed * std::cos(heading) - kAhead * turn * std::sin(heading), 2 * tolerance);
+    EXPECT_NEAR(run.value("sleigh.velocity.x"), speed * std::cos(heading) - kAhead * turn * std::sin(heading),
+                2 * tolerance);
     // Sideways force on the skate: the centre's acceleration across, (v w + a w').
     const double force = kMass * (speed * turn - kAhead * kTurn * k * std::tanh(k * kEnd) / std::cosh(k * kEnd));
     EXPECT_NEAR(run.value("skate.lateral_force"), force, 50 * tolerance);
@@ -209,7 +213,9 @@ TEST(Rolling, TwoWheelsOnAnAxleShareTheirLateralForce) {
 /// A wheel that a guide leads already keeps the guide; the lateral row of the wheel is left out.
 TEST(Rolling, HolonomicConstraintsGoFirst) {
   // First in the text: the rolling; of both, the guide along y stays.
-  const std::string model = disc("[3, 0, -9]", "position = [0, 0, 0.3]") + "[bodies.slide]\ntype = \"rigid\"\nmass = "
+  const std::string model =
+      disc("[3, 0, -9]", "position = [0, 0, 0.3]") +
+      "[bodies.slide]\ntype = \"rigid\"\nmass = "
       "1\ninertia = [1, 1, 1]\nposition = [0, 0, 0.3]\n[joints.hub]\ntype = \"revolute\"\nbodies = [\"slide\", "
       "\"disc\"]\nat = [0, 0, 0.3]\naxis = [0, 1, 0]\n[joints.way]\ntype = \"prismatic\"\nbodies = [\"ground\", "
       "\"slide\"]\nat = [0, 0, 0.3]\naxis = [1, 0, 0]\n";
@@ -254,12 +260,12 @@ TEST(Rolling, GoesOnFromARestart) {
 
 /// Down the incline x = g sin t^2 / 2 / (1 + J / (m R^2)).
 TEST(Rolling, ForwardDerivatives) {
-  const std::string text = replaced(disc("[3, 0, -9]", "position = [0, 0, 0.3]"), "[0, 0.09, 0]", "[0, \"inertia\", 0]");
+  const std::string text =
+      replaced(disc("[3, 0, -9]", "position = [0, 0, 0.3]"), "[0, 0.09, 0]", "[0, \"inertia\", 0]");
   SimulationOptions options;
   options.quantities = {"disc.position.x", "rolls.longitudinal_force"};
   const std::string model = text + "[parameters]\ninertia = 0.09\n" + bdf(1);
-  const SensitivityResult r =
-      sensitivities_of_text(model, "disc.toml", {{"parameters.inertia"}}, options);
+  const SensitivityResult r = sensitivities_of_text(model, "disc.toml", {{"parameters.inertia"}}, options);
   ASSERT_TRUE(r.status.ok()) << r.status.message;
   const double share = 0.09 / 0.18, of = 1 / 0.18;
   EXPECT_NEAR(r.derivatives.back(), -2 * 3 * of / ((1 + share) * (1 + share)), 1e-5);
@@ -284,7 +290,9 @@ TEST(Rolling, GuidesDisc) {
 TEST(Rolling, MistakesAreNamed) {
   const std::string model = disc("[3, 0, -9]", "position = [0, 0, 0.3]") + bdf(1);
   const std::vector<Mistake> mistakes = {
-      {"no plane", replaced(model, "body = \"ground\", axis = [0, 0, 1]", "body = \"ground\""), {"rolls", "the plane", "axis"}},
+      {"no plane",
+       replaced(model, "body = \"ground\", axis = [0, 0, 1]", "body = \"ground\""),
+       {"rolls", "the plane", "axis"}},
       {"no axle", replaced(model, "body = \"disc\", axis = [0, 1, 0]", "body = \"disc\""), {"rolls", "axle"}},
       {"no radius", replaced(model, "radius = 0.3", ""), {"radius"}},
       {"radius", replaced(model, "radius = 0.3", "radius = -1"), {"radius"}},
@@ -296,7 +304,8 @@ TEST(Rolling, MistakesAreNamed) {
   };
   for (const Mistake& m : mistakes) {
     const std::string message = message_of(m.text);
-    for (const std::string& word : m.says) EXPECT_NE(message.find(word), std::string::npos) << m.name << ": " << message;
+    for (const std::string& word : m.says)
+      EXPECT_NE(message.find(word), std::string::npos) << m.name << ": " << message;
   }
 }
 

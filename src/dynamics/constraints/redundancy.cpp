@@ -189,9 +189,9 @@ std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
   std::vector<double> sizes;
-  std::vector<DependentRow> rows = find_dependent_rows(equations_.system().constraint_pattern(),
-                                                       scaled_rows(t, q, sizes), options_.tolerance, kMostPartners,
-                                                       equations_.system().non_holonomic());
+  std::vector<DependentRow> rows =
+      find_dependent_rows(equations_.system().constraint_pattern(), scaled_rows(t, q, sizes), options_.tolerance,
+                          kMostPartners, equations_.system().non_holonomic());
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }

@@ -74,8 +74,8 @@ class Equations {
   [[nodiscard]] ConstSpan nu() const { return nu_; }
   [[nodiscard]] ConstSpan gamma() const { return gamma_; }
   [[nodiscard]] ConstSpan phi_q() const { return phi_q_; }
-  /// phi() of the non-holonomic constraints := (Phi_q rate - nu) time, the way of slip with that rate of q: in the place of a
-  /// position level, which they do not have. Does nothing where there are none.
+  /// phi() of the non-holonomic constraints := (Phi_q rate - nu) time, the way of slip with that rate of q: in the
+  /// place of a position level, which they do not have. Does nothing where there are none.
   /// @pre the others were evaluated
   void set_slip(ConstSpan rate, double time);
   [[nodiscard]] bool has_non_holonomic() const { return !system_.non_holonomic().empty(); }

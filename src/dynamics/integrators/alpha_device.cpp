@@ -38,8 +38,7 @@ MotionArrays GeneralizedAlpha::arrays() {
 
 // Of an attempt with a step of length h.
 void GeneralizedAlpha::choose_place(double h) {
-  const bool goes_on =
-      fitted_ > 0 && !changes_length(h) && !options_.search && !equations_.has_non_holonomic();
+  const bool goes_on = fitted_ > 0 && !changes_length(h) && !options_.search && !equations_.has_non_holonomic();
   if (vectors_.lost() || !goes_on || !equations_.kkt().solves_there()) vectors_.leave();
   if (!on_device() && goes_on && equations_.kkt().solves_there()) enter_device();
 }

@@ -43,8 +43,8 @@ struct AlphaOptions {
 /// from outside oscillates with its speed, and the error grows with it (heavy top: five times). The velocity and
 /// acceleration levels of the constraints are not enforced (index 3): their violations are reported, of order h^2.
 ///
-/// Non-holonomic constraints hold at t_(n+1) for the velocities (index 2): (Phi_q v - nu) c_q / c_v stands in the place of
-/// their Phi.
+/// Non-holonomic constraints hold at t_(n+1) for the velocities (index 2): (Phi_q v - nu) c_q / c_v stands in the place
+/// of their Phi.
 ///
 /// Newton's unknowns are v' and lambda, q moves by c_q = h^2 beta (1 - alpha_f) / (1 - alpha_m) times the change of v',
 /// and the constraints are divided by c_q: in these variables K does not depend on h (Bottasso, Dopico, Trainelli,

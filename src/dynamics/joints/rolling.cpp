@@ -19,8 +19,12 @@ class Contact {
       s_ = n_.dot(axis_);
       w_ = n_.cross(axis_).norm();
       if (!(w_ > kFlat))
-        throw Error(StatusCode::singular, shape.edge ? "an edge stands upright on its plane and has no direction to glide to"
-                                                     : "a wheel lies flat on its plane and touches it everywhere");
+        throw Error(StatusCode::singular,
+                    shape.edge
+                        ? "a skate stands upright on its plane and has no direction to glide to: x of frame b must "
+                          "not be the normal of the plane, z of frame a"
+                        : "a wheel lies flat on its plane and touches it everywhere: its axle, z of frame b, must "
+                          "not be the normal of the plane, z of frame a");
       l_ = shape.edge ? Vec3((axis_ - s_ * n_) / w_) : Vec3(axis_.cross(n_) / w_);
       up_ = (n_ - s_ * axis_) / w_;
       if (!shape.edge) arm_ -= shape.radius * up_;

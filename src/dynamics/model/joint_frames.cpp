@@ -78,7 +78,8 @@ void check_rolling(const JointSpec& j) {
         "needs the plane: give axis = [x, y, z] in frame 'a', the normal towards what rolls (\"rolling\") or glides "
         "(\"skate\") on it");
   if (wheel && !j.frames[1].axis_given)
-    throw std::invalid_argument("needs the wheel's axle: give axis = [x, y, z] in frame 'b' (a ball: shape = \"ball\")");
+    throw std::invalid_argument(
+        "needs the wheel's axle: give axis = [x, y, z] in frame 'b' (a ball: shape = \"ball\")");
   if (skate && !j.frames[1].axis_given)
     throw std::invalid_argument(
         "needs the direction of the edge: give axis and x_axis = [x, y, z] in frame 'b'; it glides along x_axis");

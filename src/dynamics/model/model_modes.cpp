@@ -14,7 +14,8 @@ namespace espalier {
 
 namespace {
 
-/// The speed of rotation may be a parameter of the model, on which drives depend as well: it is that which changes then.
+/// The speed of rotation may be a parameter of the model, on which drives depend as well: it is that which changes
+/// then.
 std::string source_of(const std::string& text, const std::string& name, const std::string& number) {
   if (number != "initial.rotation.speed") return number;
   const dynamics::model::Value root = dynamics::model::parse_toml(text, name);
@@ -22,8 +23,9 @@ std::string source_of(const std::string& text, const std::string& name, const st
   const dynamics::model::Value* rotation = initial == nullptr ? nullptr : initial->find("rotation");
   if (rotation == nullptr)
     throw Error(StatusCode::invalid_input,
-                name + ": has no [initial] rotation, whose speed would change; add rotation = { axis = [..], speed = .. "
-                       "} to [initial], or say which other number is to change");
+                name +
+                    ": has no [initial] rotation, whose speed would change; add rotation = { axis = [..], speed = .. "
+                    "} to [initial], or say which other number is to change");
   const dynamics::model::Value* speed = rotation->find("speed");
   const dynamics::model::Value* parameters = root.find("parameters");
   if (speed == nullptr || speed->type != dynamics::model::Value::Type::text || parameters == nullptr) return number;

@@ -88,7 +88,8 @@ RollingShape read_rolling(Section& s) {
     shape.rim = s.positive("rim");
     shape.radius -= shape.rim;
     if (!(shape.radius > 0))
-      fail(s.place("rim"), "must be less than 'radius', which reaches to the outside of the tyre; take shape = \"ball\"");
+      fail(s.place("rim"),
+           "must be less than 'radius', which reaches to the outside of the tyre; take shape = \"ball\"");
   }
   return shape;
 }
@@ -230,10 +231,23 @@ ForceSpec read_force(const std::string& name, const Value& value) {
 }  // namespace
 
 const std::vector<std::string>& joint_type_names() {
-  static const std::vector<std::string> names = {
-      "fixed",      "revolute",      "spherical",      "universal",          "cylindrical",    "prismatic",
-      "planar",     "point-on-line", "distance",       "revolute-spherical", "rotation-motor", "translation-motor",
-      "prescribed", "gear",          "rack-and-pinion", "rolling", "skate"};
+  static const std::vector<std::string> names = {"fixed",
+                                                 "revolute",
+                                                 "spherical",
+                                                 "universal",
+                                                 "cylindrical",
+                                                 "prismatic",
+                                                 "planar",
+                                                 "point-on-line",
+                                                 "distance",
+                                                 "revolute-spherical",
+                                                 "rotation-motor",
+                                                 "translation-motor",
+                                                 "prescribed",
+                                                 "gear",
+                                                 "rack-and-pinion",
+                                                 "rolling",
+                                                 "skate"};
   return names;
 }
 

@@ -235,8 +235,7 @@ void set_rotation(Description& model) {
   const Vec3 omega = r.speed * r.axis;
   for (const std::string& name : r.bodies) {
     const auto it = std::find(names.begin(), names.end(), name);
-    if (it == names.end())
-      fail(r.place, fmt::format("bodies: there is no body '{}'{}", name, suggestion(name, names)));
+    if (it == names.end()) fail(r.place, fmt::format("bodies: there is no body '{}'{}", name, suggestion(name, names)));
     BodySpec& body = model.bodies[static_cast<std::size_t>(it - names.begin())];
     body.velocity_given = body.angular_velocity_given = true;
     const auto turn = [&](const Vec3& at, Vec3& velocity) { velocity += omega.cross(at - r.point); };

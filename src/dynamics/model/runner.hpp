@@ -139,7 +139,7 @@ class Runner {
   SolverRecord record_;
   std::unique_ptr<PhaseTrace> trace_;
   std::unique_ptr<Equations> equations_;
-  std::unique_ptr<RotatingSystem> rotating_;            // of statics, with [initial] rotation
+  std::unique_ptr<RotatingSystem> rotating_;  // of statics, with [initial] rotation
   std::unique_ptr<Equations> rotating_equations_;
   std::unique_ptr<RedundancyGuard> guard_;
   std::unique_ptr<Integrator> integrator_;

@@ -206,8 +206,8 @@ void Runner::find_modes() {
     SteadyModes found = steady_modes(*equations_, mechanism_->system, state_, count, modes_solver_);
     shapes_.clear();
     for (SteadyMode& m : found.modes) {
-      summary_.modes.push_back({m.mode.frequency, m.mode.damping_ratio, m.mode.eigenvalue.real(), m.whirl,
-                                m.standing_frequency});
+      summary_.modes.push_back(
+          {m.mode.frequency, m.mode.damping_ratio, m.mode.eigenvalue.real(), m.whirl, m.standing_frequency});
       shapes_.push_back(std::move(m.mode.shape));
     }
     if (!found.modes.empty()) {

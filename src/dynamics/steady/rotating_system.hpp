@@ -10,8 +10,8 @@ namespace espalier::dynamics {
 
 /// A steady rotation, global axes.
 struct SteadyRotation {
-  Vec3 point = Vec3::Zero();            ///< on the axis
-  Vec3 rate = Vec3::Zero();             ///< angular velocity
+  Vec3 point = Vec3::Zero();             ///< on the axis
+  Vec3 rate = Vec3::Zero();              ///< angular velocity
   std::vector<const Component*> bodies;  ///< that turn
 };
 

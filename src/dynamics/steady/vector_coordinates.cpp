@@ -15,9 +15,7 @@ Mat3 VectorCoordinates::axes(ConstSpan configuration) const {
   return rotation_matrix(Quat(Eigen::Map<const Quat>(&configuration[at(q)])));
 }
 
-Vec3 VectorCoordinates::value(ConstSpan configuration) const {
-  return Eigen::Map<const Vec3>(&configuration[at(q)]);
-}
+Vec3 VectorCoordinates::value(ConstSpan configuration) const { return Eigen::Map<const Vec3>(&configuration[at(q)]); }
 
 std::vector<VectorCoordinates> vector_coordinates(const AssembledSystem& system) {
   using Kind = VectorCoordinates::Kind;
