@@ -90,7 +90,7 @@ class Mechanism {
   std::vector<std::vector<StateFunctionPtr>> settings;            ///< values that events set, likewise
   std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
   Controls* controls = nullptr;                                   ///< null: nothing can be set, switched or happen
-  std::vector<std::string> notices;  ///< what joints do not fit at the start, and how they hold faces
+  std::vector<std::string> notices;                    ///< what joints do not fit at the start, and how they hold faces
   std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece
 
