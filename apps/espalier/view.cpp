@@ -80,7 +80,7 @@ fs::path page_of_model(const std::string& model) {
   options.page = false;
   Simulation simulation(options);
   if (const Status status = simulation.load(model); !status.ok()) throw Error(status);
-  const fs::path file =
+  fs::path file =
       fs::temp_directory_path() / fmt::format("espalier-{}-{}.html", fs::path(model).stem().string(), ::getuid());
   base::OutputFile out(file.string());
   out.write(simulation.page());
@@ -91,7 +91,7 @@ fs::path page_of_model(const std::string& model) {
 fs::path page_of(const std::string& what) {
   std::error_code gone;
   if (fs::path(what).extension() == ".toml" && fs::is_regular_file(what, gone)) return page_of_model(what);
-  const fs::path page = fs::is_directory(what, gone) ? fs::path(what) / "index.html" : fs::path(what);
+  fs::path page = fs::is_directory(what, gone) ? fs::path(what) / "index.html" : fs::path(what);
   if (fs::is_regular_file(page, gone)) return page;
   throw Error(StatusCode::invalid_input,
               fmt::format("there is no page '{}'; `espalier simulate MODEL --out DIR` writes DIR/index.html (but for "

@@ -185,7 +185,8 @@ nb::dict fields(const SimulationSummary& s) {
 void bind_simulation(nb::module_& m) {
   nb::class_<SimulationHandle>(m, "Simulation")
       .def(nb::init<std::vector<std::string>, std::string, std::optional<double>, std::string, bool,
-                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string, double, bool>(),
+                    std::vector<std::string>, std::vector<std::pair<std::string, std::string>>, std::string, double,
+                    bool>(),
            "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a,
            "analyses"_a, "frames"_a, "page"_a)
       .def("page", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.page(); }); })

@@ -13,7 +13,7 @@ namespace espalier::dynamics::page {
 namespace {
 
 constexpr std::size_t kUsual = 200, kFewest = 12;  // pictures
-constexpr double kRoom = 40e6;          // bytes of all pictures as numbers; base64 adds a third, gzip takes more
+constexpr double kRoom = 60e6;          // bytes of all pictures as numbers; gzip and letters make 0.6 to 0.85 of them
 constexpr std::size_t kLarge = 65'536;  // numbers of a picture that is compressed at once
 
 void pack_place(const Drawn::Place& at, Quantized& out) {

@@ -68,7 +68,7 @@ class Marks {
         const turn = new THREE.Quaternion().setFromUnitVectors(upright, axis.length() > 0.5 ? axis.normalize() : upright);
         put(this.glyphs.find(g => g.name === glyph).mesh, new THREE.Matrix4().compose(at, turn, new THREE.Vector3(size, size, size)));
       }
-      if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && (mark.what === 'force' || /distance|link|spherical/.test(mark.kind)))
+      if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && /spring|bushing|distance|link|revolute-spherical/.test(mark.kind))
         springs.push(...(/spring|bushing/.test(mark.kind) ? coil(from, at, size) : [from, at]));
       if (this.forces) arrow(mark.what, at, force, this.most, 1);
       if (this.moments) arrow('moment', at, vector('moment', k), this.mostMoment, 2);
