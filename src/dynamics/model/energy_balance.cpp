@@ -52,12 +52,22 @@ EnergyBalance::Rate EnergyBalance::rate_of(const State& s, double h) {
   return out;
 }
 
+// Forwards: backwards, friction that slips would be the elastic spring that it has just left. Not beyond the end of a
+// table.
+EnergyBalance::Rate EnergyBalance::rate_at_end(const State& s, double h) {
+  try {
+    return rate_of(s, h);
+  } catch (const Error&) {
+    return rate_of(s, -h);
+  }
+}
+
 void EnergyBalance::step(const State& s) {
   const double h = s.t - last_.t;
   if (!(h > 0)) return begin(s);
   if (++passed_ < every_) return;
   passed_ = 0;
-  const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_of(s, -h);
+  const Rate before = known_ ? *known_ : rate_of(last_, h), now = rate_at_end(s, h);
   const double work = 0.5 * h * (before.power + now.power);
   work_ += work;
   absolute_work_ += 0.5 * h * (std::abs(before.power) + std::abs(now.power));

@@ -54,6 +54,7 @@ class EnergyBalance {
   };
   /// @param h  length of the step that begins in s; of the one that ends there, negative
   [[nodiscard]] Rate rate_of(const State& s, double h);
+  [[nodiscard]] Rate rate_at_end(const State& s, double h);
 
   Equations& equations_;
   System& system_;
