@@ -138,46 +138,50 @@ TEST(Damping, WidthsOfPeaks) {
 double decay_ratio(const std::string& damping) {
   SimulationOptions options;
   options.keep_series = true;
-  const Simulation s = simulated(clamped_beam(damping, R"(
+  const Simulation s = simulated(clamped_beam(damping, R"toml(
 [bodies.mass]
 type = "rigid"
 mass = 5
 box = [0.02, 0.02, 0.02]
 position = [1, 0, 0]
-velocity = [0, 0.01, 0]
 [joints.weld]
 type = "fixed"
 a = { body = "beam", node = -1 }
 b = { body = "mass" }
+[forces.held]
+type = "load"
+a = { body = "mass" }
+force = [0, 1, 0]
+factor = "1 - step(t, 0, 0, 0.2, 1)"
 [initial]
-velocities = "project"
+statics = true
 [integrator]
 method = "generalized-alpha"
-spectral_radius = 1
-step = 4e-3
-end = 4
+spectral_radius = 0.9
+step = 5e-3
+end = 2
 [output]
 quantities = ["mass.position.y"]
-)"),
+)toml"),
                                  options);
-  const std::vector<double>& y = s.series().values;
+  const std::vector<double>&t = s.series().t, &y = s.series().values;
   std::vector<double> maxima;
   for (std::size_t k = 1; k + 1 < y.size(); ++k)
-    if (y[k] > y[k - 1] && y[k] >= y[k + 1]) {  // of the parabola through three points
+    if (t[k] > 0.25 && y[k] > y[k - 1] && y[k] >= y[k + 1]) {  // of the parabola through three points
       const double slope = y[k + 1] - y[k - 1], bend = y[k + 1] - 2 * y[k] + y[k - 1];
       maxima.push_back(y[k] - slope * slope / (8 * bend));
     }
-  EXPECT_GE(maxima.size(), 3U);
+  EXPECT_GE(maxima.size(), 2U);
   const double decrement = std::log(maxima[0] / maxima.back()) / static_cast<double>(maxima.size() - 1);
   return decrement / std::hypot(decrement, kTwoPi);
 }
 
 TEST(Damping, DecayOfAFreeMotion) {
-  EXPECT_NEAR(decay_ratio("damping = { ratio = 0.03 }"), 0.03, 3e-4);
-  EXPECT_NEAR(decay_ratio("reduce = { modes = 4, damping = 0.03 }"), 0.03, 3e-4);
+  EXPECT_NEAR(decay_ratio("damping = { ratio = 0.03 }"), 0.03, 3e-5);
+  EXPECT_NEAR(decay_ratio("reduce = { modes = 4, damping = 0.03 }"), 0.03, 3e-5);
   // The same, by viscous damping that is right at the frequency of this motion.
   const double f = std::sqrt(3 * 7e10 * 0.02 * 1e-6 / 12 / (5 + 0.24 * 0.54)) / kTwoPi;
-  EXPECT_NEAR(decay_ratio(fmt::format("damping = {{ loss_factor = 0.06, frequency = {} }}", f)), 0.03, 5e-4);
+  EXPECT_NEAR(decay_ratio(fmt::format("damping = {{ loss_factor = 0.06, frequency = {} }}", f)), 0.03, 1e-4);
 }
 
 // Elastic forces do no work in rigid motion.

@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
+#include "dynamics/bodies/rotation.hpp"
 
 namespace espalier::dynamics {
 namespace {
-
-constexpr double kLooseMode = 1e-10;  // square of a frequency over the largest: nothing resists it
 
 /// Elastic forces of shapes in one body: K_b phi, from its own part of W.
 Eigen::MatrixXd elastic_forces(AssembledSystem& system, Component& body, const State& state,
@@ -25,6 +25,22 @@ Eigen::MatrixXd elastic_forces(AssembledSystem& system, Component& body, const S
     for (Offset k = p.ptr[at(j)]; k < p.ptr[at(j) + 1]; ++k)
       if (values[at(k)] != 0) out.row(p.ind[at(k)]) += values[at(k)] * shapes.row(j);
   return out;
+}
+
+/// Takes from forces on nodes what rounding has left of a resultant: stiff sections make it as large as the forces of
+/// slow modes. @param x  the body's configuration
+void balance(const double* x, int vertices_per_node, Eigen::Ref<Eigen::MatrixXd> forces) {
+  Eigen::MatrixXd rigid = Eigen::MatrixXd::Zero(forces.rows(), 6);
+  for (Eigen::Index k = 0; 3 * k < forces.rows(); ++k) {
+    if (k % vertices_per_node == 0) rigid.block<3, 3>(3 * k, 0).setIdentity();
+    rigid.block<3, 3>(3 * k, 3) = -skew(Eigen::Map<const Vec3>(x + 3 * k));
+  }
+  const dense::QrFactors qr = dense::qr_factors(rigid);
+  std::vector<Eigen::Index> kept;  // a straight cable has no turn about itself
+  for (Eigen::Index k = 0; k < 6; ++k)
+    if (std::abs(qr.r(k, k)) > 1e-8 * rigid.col(k).norm()) kept.push_back(k);
+  const Eigen::MatrixXd basis = qr.q(Eigen::all, kept);
+  for (int pass = 0; pass < 2; ++pass) forces -= (basis * (basis.transpose() * forces)).eval();
 }
 
 }  // namespace
@@ -59,10 +75,9 @@ void ModalDamping::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) 
 void ModalDamping::set(AssembledSystem& system, const State& state, const Eigen::VectorXd& squares,
                        const Eigen::MatrixXd& shapes) {
   rest_.assign(state.q.begin(), state.q.end());
-  const double largest = squares.size() > 0 ? squares.maxCoeff() : 0;
   std::vector<Eigen::Index> kept;
   for (Eigen::Index l = 0; l < squares.size(); ++l)
-    if (squares[l] > kLooseMode * largest) kept.push_back(l);
+    if (squares[l] > 0) kept.push_back(l);
   const auto count = static_cast<Eigen::Index>(kept.size());
   const Eigen::MatrixXd chosen = shapes(Eigen::all, kept);
   factors_ = 2 * squares(kept).array().pow(-1.5);
@@ -72,7 +87,11 @@ void ModalDamping::set(AssembledSystem& system, const State& state, const Eigen:
     const Eigen::Index rows = body.sizes().velocity - skipped;
     forces_.middleRows(first, rows) = std::sqrt(ratio) * forces.middleRows(body.placement().v + skipped, rows);
   };
-  for (const auto& [body, ratio, first] : nodal_) take(*body, ratio, 0, first);
+  for (const auto& [body, ratio, first] : nodal_) {
+    take(*body, ratio, 0, first);
+    balance(state.q.data() + body->placement().q, body->vertices_per_node(),
+            forces_.middleRows(first, body->sizes().velocity));
+  }
   for (const auto& [body, ratio, first] : reduced_) take(*body, ratio, 6, first);
 }
 
@@ -86,7 +105,7 @@ std::vector<Eigen::Matrix3d> ModalDamping::turns(ConstSpan q) const {
   return out;
 }
 
-void ModalDamping::turn(const std::vector<Eigen::Matrix3d>& by, bool back, Eigen::VectorXd& x) const {
+void ModalDamping::turn_nodes(const std::vector<Eigen::Matrix3d>& by, bool back, Eigen::VectorXd& x) const {
   for (std::size_t b = 0; b < nodal_.size(); ++b) {
     Eigen::Map<Eigen::Matrix3Xd> nodes(x.data() + nodal_[b].first, 3, nodal_[b].body->vertices());
     nodes = ((back ? Eigen::Matrix3d(by[b].transpose()) : by[b]) * nodes).eval();
@@ -98,9 +117,9 @@ void ModalDamping::residual(const StateView& s, Span f) {
   Eigen::VectorXd x(forces_.rows());
   for (std::size_t k = 0; k < coordinates_.size(); ++k) x[static_cast<Eigen::Index>(k)] = s.v[at(coordinates_[k])];
   const std::vector<Eigen::Matrix3d> by = turns(s.q);
-  turn(by, true, x);
+  turn_nodes(by, true, x);
   x = (forces_ * factors_.cwiseProduct(forces_.transpose() * x)).eval();
-  turn(by, false, x);
+  turn_nodes(by, false, x);
   for (std::size_t k = 0; k < coordinates_.size(); ++k) f[at(coordinates_[k])] += x[static_cast<Eigen::Index>(k)];
 }
 
@@ -111,7 +130,7 @@ void ModalDamping::tangent(const StateView& s, const TangentWeights& weights, Sp
   const std::vector<Eigen::Matrix3d> by = turns(s.q);
   for (Eigen::Index l = 0; l < turned.cols(); ++l) {
     Eigen::VectorXd column = turned.col(l);
-    turn(by, false, column);
+    turn_nodes(by, false, column);
     turned.col(l) = column;
   }
   const Eigen::MatrixXd c = weights.v * (turned * factors_.asDiagonal() * turned.transpose());

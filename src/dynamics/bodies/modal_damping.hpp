@@ -51,7 +51,7 @@ class ModalDamping final : public Component {
   [[nodiscard]] std::vector<Index> list() const;
   /// The rotation of each nodal body since set().
   [[nodiscard]] std::vector<Eigen::Matrix3d> turns(ConstSpan q) const;
-  void turn(const std::vector<Eigen::Matrix3d>& by, bool back, Eigen::VectorXd& x) const;
+  void turn_nodes(const std::vector<Eigen::Matrix3d>& by, bool back, Eigen::VectorXd& x) const;
 
   std::vector<Damped<FlexibleBody>> nodal_;
   std::vector<Damped<ReducedBody>> reduced_;

@@ -301,8 +301,16 @@ std::vector<Mode> hysteretic(const ModalSystem& s, Eigen::Index size) {
   a.bottomRightCorner(n, n) = -s.d(held, held).cast<std::complex<double>>() / unit;
   const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a);
   for (Eigen::Index i = 0; i < 2 * n; ++i) {
-    const std::complex<double> e = unit * eigen.eigenvalues()[i];
+    std::complex<double> e = unit * eigen.eigenvalues()[i];
     if (e.imag() <= kReal * std::abs(e)) continue;
+    if (s.n.isZero(0)) {  // symmetric: Rayleigh's quotient has the square of the vector's error
+      const Eigen::VectorXcd z = eigen.eigenvectors().col(i).head(n);
+      const auto form = [&](const MatrixXcd& m) { return (z.transpose() * m * z).value(); };
+      const std::complex<double> half =
+          0.5 * form(s.d(held, held).cast<std::complex<double>>()) / form(MatrixXcd::Identity(n, n));
+      const std::complex<double> root = std::sqrt(half * half - form(k) / form(MatrixXcd::Identity(n, n)));
+      e = std::abs(-half + root - e) < std::abs(-half - root - e) ? -half + root : -half - root;
+    }
     modes.push_back(vibration_of(e, s.x(Eigen::all, held) * eigen.eigenvectors().col(i).head(n)));
   }
   std::stable_sort(modes.begin(), modes.end(),

@@ -168,8 +168,8 @@ std::vector<Quantity> of_vector(const FieldRequest& r, const std::function<Vec3(
   for (int i = 0; i < 3; ++i) {
     const std::string component(1, "xyz"[i]);
     if (r.rest.empty() || r.rest[0] == component)
-      out.push_back(
-          {r.rest.empty() ? head + "." + component : r.text, [vector, i](const Sample& s) { return vector(s)[i]; }});
+      out.push_back({r.rest.empty() ? fmt::format("{}.{}", head, component) : r.text,
+                     [vector, i](const Sample& s) { return vector(s)[i]; }});
   }
   if (!r.rest.empty() && r.rest[0] == "norm")
     out.push_back({r.text, [vector](const Sample& s) { return vector(s).norm(); }});
