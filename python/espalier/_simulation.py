@@ -184,7 +184,7 @@ class Model:
 
         names = ("value", "mode", "frequency", "damping_ratio", "growth", "whirl", "standing_frequency")
         status, rows, _ = _core.model_modes(
-            self._path if self._path is not None else self.text, self._path is not None, number,
+            self._path if self._path is not None else self.text, self._path is not None, _checks.text(number, "number"),
             _checks.reals(values, "values"), _checks.whole(count, "count"),
             [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.options(solver))
         if status[0] != 0:

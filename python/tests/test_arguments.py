@@ -121,6 +121,7 @@ CALLS = {
     "Model.harmonic": (cart().harmonic, {"loads": "inputs.push", "quantities": "cart.position.x", "frequencies": None, "between": (1, 2), "points": 3,
                                          "logarithmic": False, "tolerance": None, "loss_factor": None, "max_solves": None, "shapes_at": None,
                                          "set": None, "out": "", "threads": 1}),
+    "Model.modes_over": (cart().modes_over, {"number": "bodies.cart.mass", "values": [1.0, 2.0], "count": 1, "set": None, "threads": 1}),
     "derivatives": (esp.derivatives, {"model": cart(), "parameters": ["bodies.cart.mass"], "set": None, "until": 0.1,
                                       "quantities": ["cart.position.x"], "method": "auto", "threads": 1}),
     "objective_gradient": (esp.objective_gradient,
