@@ -81,6 +81,7 @@ TEST(DocsExamples, OfContactRun) {
     const Simulation printed = simulated(text);
     EXPECT_GT(printed.summary().steps, 10);
     expect_converged(printed, simulated(text, tightened("1e-10", "1e-12", "1e-12")), 2e-4, text.substr(0, 60));
+    expect_no_energy_notice(printed);
   }
 }
 
