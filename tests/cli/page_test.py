@@ -128,7 +128,7 @@ class PageInBrowser(Cli):
         seen = set()
         for field in ("bodies", "displacement", "deformation", "speed", "von_mises", "principal"):
             b.run(f"espalier.select('field', '{field}')")
-            seen.add(b.run("document.getElementById('canvas').toDataURL()"))
+            seen.add(b.run("(espalier.pixels(), document.getElementById('canvas').toDataURL())"))  # pixels() draws
         self.assertEqual(len(seen), 6)
         self.no_problems()
 
@@ -190,6 +190,49 @@ class PageInBrowser(Cli):
             time.sleep(0.15)
             pictures.add(b.run("document.getElementById('canvas').toDataURL()"))
         self.assertGreater(len(pictures), 1)
+        self.no_problems()
+
+    def test_response_is_plotted_and_animated(self):
+        text = """[bodies.bar]
+type = "beam"
+start = [0, 0, 0]
+end = [1, 0, 0]
+elements = 4
+height = 0.05
+width = 0.03
+material = { young = 2e11, poisson = 0.3, density = 7800 }
+damping = { stiffness = 1e-5 }
+[joints.wall]
+type = "fixed"
+a = { body = "ground" }
+b = { body = "bar", node = 1 }
+[forces.push]
+type = "load"
+a = { body = "bar", node = -1 }
+force = [0, 0, 1]
+factor = 0
+[harmonic]
+loads = ["push"]
+quantities = ["bar.position.z"]
+from = 1
+to = 200
+points = 50
+shapes = [24]
+[integrator]
+end = 1e-3
+"""
+        page, b = self.simulated(text), self.browser
+        b.open(page)
+        data = b.run("JSON.parse(document.getElementById('data').textContent).response")
+        with open(page.parent / "harmonic.csv", encoding="utf-8") as file:
+            table = list(csv.DictReader(file))
+        self.assertEqual(data["frequencies"], [float(row["frequency"]) for row in table])
+        for k, row in enumerate(table):
+            self.assertAlmostEqual(data["columns"][k] / float(row["amplitude_bar.position.z_push"]), 1, 9)
+        self.assertIn("amplitude of bar.position.z (push)", b.run("document.querySelector('.plot .chart').getAttribute('aria-label')"))
+        self.assertEqual(b.run("document.getElementById('motion').options.length"), 2)
+        b.run("espalier.select('motion', '0')")
+        self.assertGreater(b.run("espalier.pixels().colours"), 50)
         self.no_problems()
 
     def test_statics_shows_the_loads(self):

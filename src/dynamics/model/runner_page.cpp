@@ -6,6 +6,7 @@
 
 #include "base/stopwatch.hpp"
 #include "dynamics/model/runner.hpp"
+#include "harmonic/table.hpp"
 
 namespace espalier::dynamics::model {
 
@@ -68,12 +69,35 @@ void Runner::show_response() {
   page_->film().swing(current(), swings);
 }
 
+namespace {
+
+page::RunOfPage::Response response_of(const ModelHarmonicResult& response) {
+  page::RunOfPage::Response out;
+  const HarmonicResult& r = response.response;
+  for (const HarmonicPoint& point : r.points) out.frequencies.push_back(point.frequency);
+  if (out.frequencies.empty()) return out;
+  for (const bool phases : {false, true})
+    for (std::size_t load = 0; load < response.loads.size(); ++load)
+      for (std::size_t i = 0; i < response.quantities.size(); ++i) {
+        out.names.push_back(
+            fmt::format("{} of {} ({})", phases ? "phase" : "amplitude", response.quantities[i], response.loads[load]));
+        for (std::size_t p = 0; p < r.points.size(); ++p) {
+          const std::complex<double> x = r.response(p, static_cast<Index>(load), static_cast<Index>(i));
+          out.columns.push_back(phases ? harmonic::degrees(x) : std::abs(x));
+        }
+      }
+  return out;
+}
+
+}  // namespace
+
 page::RunOfPage Runner::run_of_page(bool running) const {
-  page::RunOfPage run{summary_, {}, running, model_.file, model_.text, options_.set, 0, 0, {}, {}};
+  page::RunOfPage run{summary_, {}, running, model_.file, model_.text, options_.set, 0, 0, {}, {}, {}};
   run.gravity = {model_.gravity.x(), model_.gravity.y(), model_.gravity.z()};
   run.begin = model_.statics ? 0 : summary_.t_begin;
   run.end = end_time();
   run.quantities = list_quantities(*mechanism_);
+  run.response = response_of(response_);
   return run;
 }
 

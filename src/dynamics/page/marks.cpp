@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-void append(const Vec3& x, std::vector<double>& to) { to.insert(to.end(), x.data(), x.data() + 3); }
+void push(const Vec3& x, std::vector<double>& to) { to.insert(to.end(), x.data(), x.data() + 3); }
 
 std::string body_name(const model::MarkerSpec& marker, const model::Description& model) {
   if (marker.reference.empty()) return marker.body;
@@ -59,7 +59,7 @@ void Marks::place(const StateView& s, const StateView& end, std::vector<double>&
     const int other = joint->frames() > 1 ? 1 : 0;
     const FrameMotion a = joint->frame_motion(s.q, {}, 0), b = joint->frame_motion(s.q, {}, other);
     const Wrench wrench = joint->reaction(s, other);
-    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) append(x, out);
+    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) push(x, out);
   }
   for (const model::BuiltForce& built : mechanism_.forces) {
     FrameMotion a, b;
@@ -67,14 +67,14 @@ void Marks::place(const StateView& s, const StateView& end, std::vector<double>&
     built.force->frame(1).motion(s.q, {}, b);
     if (built.side == 0) b = a;  // a load
     const Wrench wrench = built.force->applied(s, built.side);
-    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) append(x, out);
+    for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) push(x, out);
   }
   for (const model::BuiltContact& contact : mechanism_.surface_contacts) {
     const contact::ContactReport report = contact.report(end);
     const double square = report.force.squaredNorm();
     // The point of the force's line that is next to the origin; the page moves it along the line.
     const Vec3 on_line = square > 0 ? Vec3(report.force.cross(report.moment) / square) : Vec3(Vec3::Constant(kNone));
-    for (const Vec3& x : {on_line, on_line, Vec3(Vec3::Zero()), report.force, Vec3(Vec3::Zero())}) append(x, out);
+    for (const Vec3& x : {on_line, on_line, Vec3(Vec3::Zero()), report.force, Vec3(Vec3::Zero())}) push(x, out);
   }
 }
 
@@ -89,7 +89,7 @@ std::string Marks::ground_json() const {
     } else {
       const contact::Outline outline = contact::outline_of(surface.shape);
       std::vector<double> points;
-      for (const Vec3& x : outline.points) append(surface.point + surface.axes * x, points);
+      for (const Vec3& x : outline.points) push(surface.point + surface.axes * x, points);
       std::vector<std::array<Index, 3>> triangles;
       for (const std::vector<Index>& face : outline.faces) add_triangles(face, face.size(), triangles);
       std::vector<std::string> numbers;

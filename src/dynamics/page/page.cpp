@@ -26,6 +26,12 @@ std::string plots_json(const RunOfPage& run, const Rows& rows) {
   return json.number("stride", static_cast<double>(rows.stride())).done();
 }
 
+std::string response_json(const RunOfPage::Response& response) {
+  JsonObject json;
+  json.raw("names", json_texts(response.names)).raw("frequencies", json_numbers(response.frequencies));
+  return json.raw("columns", json_numbers(response.columns, 12)).done();
+}
+
 std::string model_json(const RunOfPage& run) {
   constexpr std::size_t kMostText = 300'000;
   std::string text = run.text.substr(0, kMostText);
@@ -41,6 +47,7 @@ std::string data_json(const RunOfPage& run, const Rows& rows, const std::string&
   json.text("espalier", solver::version()).flag("running", run.running);
   json.number("written", std::chrono::duration<double>(now).count());
   json.number("begin", run.begin).number("end", run.end);
+  if (!run.response.names.empty()) json.raw("response", response_json(run.response));
   json.raw("gravity", json_numbers(run.gravity));
   json.raw("summary", summary_json(run.summary, run.status));
   json.raw("model", model_json(run)).raw("plots", plots_json(run, rows)).raw("scene", scene);

@@ -24,6 +24,11 @@ struct RunOfPage {
   double begin = 0, end = 0;
   std::array<double, 3> gravity{};
   std::vector<SimulationQuantity> quantities;  ///< with dimensions
+  /// Amplitudes and phases over frequencies, one column after the other: names without the frequency.
+  struct Response {
+    std::vector<std::string> names;
+    std::vector<double> frequencies, columns;
+  } response;
 };
 
 /// @param write  called with pieces of the page

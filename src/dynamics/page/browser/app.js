@@ -63,12 +63,18 @@ class App {
   }
 
   startPlots(memory) {
-    const options = {statics: this.statics, events: this.data.summary.events, moveTo: t => this.moveTo(t), time: () => this.timeline.t,
+    const options = {abscissa: this.statics ? 'load factor' : 'time', events: this.data.summary.events, moveTo: t => this.moveTo(t), time: () => this.timeline.t,
       remove: plot => { this.plots = this.plots.filter(other => other !== plot); plot.box.remove(); }};
-    const add = names => { const plot = new Plot(this.series, names, options); byId('plot-list').append(plot.box); this.plots.push(plot); plot.draw(); };
+    const add = (names, series = this.series, more = {}) => { const plot = new Plot(series, names, {...options, ...more}); byId('plot-list').append(plot.box); this.plots.push(plot); plot.draw(); };
     const {names} = this.series;
-    if (names.length === 0) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
-    else (memory.plots || this.series.suggestions().slice(0, 3)).forEach(add);
+    if (this.data.response) {
+      const response = responseSeries(this.data.response), shown = kind => response.names.filter(name => name.startsWith(kind)).slice(0, 6);
+      const more = {abscissa: 'frequency', response: true, events: [], moveTo: () => {}, time: () => NaN};
+      add(shown('amplitude'), response, {...more, logY: true});
+      add(shown('phase'), response, more);
+    }
+    if (names.length === 0 && !this.data.response) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
+    else (memory.plots || this.series.suggestions().slice(0, 3)).forEach(shown => add(shown));
     byId('add-plot').addEventListener('click', () => add([]));
     byId('add-plot').disabled = names.length === 0;
     new ResizeObserver(() => this.plots.forEach(plot => plot.graph && plot.graph.resize())).observe(byId('plot-list'));

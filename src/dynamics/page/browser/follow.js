@@ -3,7 +3,7 @@ const kMemory = `espalier ${location.pathname}`;
 
 function remember(app) {
   const {timeline, stage} = app, kept = {theme: document.documentElement.dataset.theme, t: timeline.t, last: timeline.t >= timeline.last, field: byId('field').value,
-    hidden: stage ? [...stage.hidden].map(k => app.film.bodies[k].name) : [], scroll: window.scrollY, plots: app.plots.map(plot => plot.names)};
+    hidden: stage ? [...stage.hidden].map(k => app.film.bodies[k].name) : [], scroll: window.scrollY, plots: app.plots.filter(plot => !plot.options.response).map(plot => plot.names)};
   if (stage) Object.assign(kept, {camera: stage.camera.position.toArray(), target: stage.controls.target.toArray(), size: stage.size});
   try { sessionStorage.setItem(kMemory, JSON.stringify(kept)); } catch { /* no room, or not allowed */ }
 }

@@ -4,7 +4,9 @@ const kMarkColours = {joint: 0xe0a100, force: 0xd2362b, contact: 0x8a3ffc, momen
 class Marks {
   constructor(stage, film, marks) {
     Object.assign(this, {stage, film, marks, scale: 1, joints: true, forces: true, moments: false});
-    this.size = 0.018 * stage.size;
+    const crowd = Math.min(1, Math.sqrt(60 / Math.max(1, marks.length)));  // very many are small
+    this.size = 0.018 * stage.size * crowd;
+    this.reach = 0.22 * stage.size * crowd;
     this.most = this.largest('force');
     this.mostMoment = this.largest('moment');
     const shapes = {ball: new THREE.SphereBufferGeometry(0.7, 14, 10), pin: new THREE.CylinderBufferGeometry(0.55, 0.55, 3, 14),
@@ -53,7 +55,7 @@ class Marks {
     const upright = new THREE.Vector3(0, 1, 0), springs = [];
     const arrow = (kind, from, v, most, heads) => {
       if (!(v.length() > 1e-4 * most) || !(most > 0) || !Number.isFinite(from.x + v.x)) return;
-      const length = 0.22 * stage.size * this.scale * v.length() / most, turn = new THREE.Quaternion().setFromUnitVectors(upright, v.clone().normalize());
+      const length = this.reach * this.scale * v.length() / most, turn = new THREE.Quaternion().setFromUnitVectors(upright, v.clone().normalize());
       const {shaft, head} = this.arrows.find(a => a.kind === kind), thick = 0.5 * size * Math.min(1, Math.max(0.25, length / (6 * size)));
       const tip = from.clone().addScaledVector(v.clone().normalize(), length);
       put(shaft, new THREE.Matrix4().compose(from, turn, new THREE.Vector3(thick, Math.max(1e-6 * size, length - 1.7 * thick), thick)));

@@ -24,9 +24,15 @@ class Series {
   }
 }
 
+/** Amplitudes and phases of a frequency response, over frequencies. */
+function responseSeries(response) {
+  const numbers = [...response.frequencies, ...response.columns].map(x => x === null ? NaN : x);
+  return new Series({names: response.names, dimensions: response.names.map(name => name.startsWith('phase') ? 'degrees' : '')}, Float64Array.from(numbers));
+}
+
 class Plot {
   constructor(series, names, options) {
-    Object.assign(this, {series, names, options, against: 't', logX: false, logY: false, steps: false});
+    Object.assign(this, {series, names, options, against: 't', logX: false, logY: Boolean(options.logY), steps: false});
     this.build();  // draw() follows when it stands in the page
   }
 
@@ -38,9 +44,9 @@ class Plot {
     const filter = element('input', {type: 'search', placeholder: 'filter', 'aria-label': 'Filter quantities', oninput: () => this.fillPicker(filter.value)});
     this.menu = element('details', {class: 'menu'}, element('summary', {}, 'Quantities'), element('div', {}, filter, this.picker));
     this.axis = element('select', {'aria-label': 'Horizontal axis', onchange: () => { this.against = this.axis.value; this.draw(); }},
-      option('t', options.statics ? 'against the load' : 'against time'), option('frequency', 'spectrum'),
+      option('t', `against ${options.abscissa}`), ...(options.response ? [] : [option('frequency', 'spectrum')]),
       ...series.names.map(name => option(`q:${name}`, `against ${name}`)));
-    const box = (text, key) => element('label', {}, element('input', {type: 'checkbox', onchange: event => { this[key] = event.target.checked; this.draw(); }}), ` ${text}`);
+    const box = (text, key) => element('label', {}, element('input', {type: 'checkbox', checked: this[key], onchange: event => { this[key] = event.target.checked; this.draw(); }}), ` ${text}`);
     this.values = element('div', {class: 'values'});
     this.chart = element('div', {class: 'chart', role: 'img'});
     this.needle = element('div', {class: 'needle', hidden: true});
@@ -91,7 +97,7 @@ class Plot {
     }
     this.chart.replaceChildren();
     const positive = rows.every(row => row[0] > 0), line = dark ? '#4a525d' : '#d0d5dc';
-    const x = this.against === 't' ? (this.options.statics ? 'load factor' : 'time') : this.against === 'frequency' ? 'cycles per unit of time' : this.against.slice(2);
+    const x = this.against === 't' ? this.options.abscissa : this.against === 'frequency' ? 'cycles per unit of time' : this.against.slice(2);
     const {low, high} = extremes(rows.map(row => row[0])), rim = 0.02 * (high - low || Math.abs(high) || 1);
     this.window = this.against.startsWith('q:') ? [low - rim, high + rim] : null;  // rows are not in the order of x there
     this.graph = new Dygraph(this.chart, rows, {
@@ -119,7 +125,7 @@ class Plot {
     const at = this.rows[row];
     if (!at) return;
     this.pointed = this.against.startsWith('q:') ? row : undefined;
-    const x = this.against === 't' ? 't' : this.against === 'frequency' ? 'f' : this.against.slice(2);
+    const x = this.against === 't' ? this.options.abscissa[0] : this.against === 'frequency' ? 'f' : this.against.slice(2);
     this.values.textContent = `${x} = ${shortNumber(at[0], 6)}; ${this.names.map((name, k) => `${name} = ${shortNumber(at[k + 1], 6)}`).join(', ')}`;
   }
 
