@@ -45,6 +45,13 @@ def test_page_of_a_run_has_its_numbers(tmp_path):
     assert times[0] == 0 and times[-1] == 0.5 and len(times) > 150
 
 
+def test_page_has_plots_although_nobody_chose_quantities():
+    result = espalier.Model(PENDULUM).run(progress=False)
+    assert result.names == []
+    assert data_of(result.to_html())["plots"]["names"] == [
+        "bob.position.x", "bob.position.y", "bob.position.z", "energy.kinetic", "energy.potential", "energy.total"]
+
+
 def test_model_is_shown_before_it_runs(quiet):
     shown = espalier.Model(PENDULUM).show()
     data = data_of(shown.text)

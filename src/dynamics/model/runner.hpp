@@ -157,8 +157,9 @@ class Runner {
   SimulationSeries series_;
   std::unique_ptr<KeptFrames> frames_;
   std::unique_ptr<page::LivePage> page_;
-  std::vector<char> dropped_at_start_;  // constraint rows, m marks
-  bool going_ = false;                  // go() was called, and the files have not been ended
+  std::vector<Quantity> page_quantities_;  // of a page, where nobody has chosen any
+  std::vector<char> dropped_at_start_;     // constraint rows, m marks
+  bool going_ = false;                     // go() was called, and the files have not been ended
   State state_, shown_;
   State reference_;       // displacements in pictures count from it: a restarted run must find the same
   Options modes_solver_;  // of initial.modes

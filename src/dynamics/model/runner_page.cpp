@@ -10,13 +10,33 @@
 
 namespace espalier::dynamics::model {
 
+namespace {
+
+/// Something to plot: where the first bodies are, and energies.
+std::vector<Quantity> usual_quantities(Mechanism& mechanism) {
+  constexpr std::size_t kMostBodies = 6;
+  std::vector<std::string> requests;
+  for (std::size_t b = 0; b < std::min(kMostBodies, mechanism.bodies.size()); ++b)
+    requests.push_back(mechanism.bodies[b].spec.name + ".position");
+  for (const char* energy : {"energy.kinetic", "energy.potential", "energy.total"}) requests.emplace_back(energy);
+  std::vector<Quantity> all;
+  for (const std::string& request : requests)
+    for (Quantity& q : find_quantities(mechanism, request, {})) all.push_back(std::move(q));
+  return all;
+}
+
+}  // namespace
+
 void Runner::begin_page(const Sample& s, const State& initial) {
   const bool in_folder = options_.page && model_.output.page && !options_.out.empty();
   if (!in_folder && !options_.keep_page) return;
   if (!page_) {
     page_ = std::make_unique<page::LivePage>(*mechanism_, model_, in_folder ? options_.out : "",
                                              s.load ? 0 : summary_.t_begin, end_time(), model_.output.vtu_interval);
-    page_->rows().begin(files_->columns());
+    std::vector<std::string> names = files_->columns();
+    if (names.empty() && quantities_.empty()) page_quantities_ = usual_quantities(*mechanism_);
+    for (const Quantity& q : page_quantities_) names.push_back(q.name);
+    page_->rows().begin(std::move(names));
     page_->film().begin(s, initial);
   }
   if (!files_->columns().empty())
@@ -28,6 +48,11 @@ void Runner::show(const Sample& s) {
   if (!page_) return;
   bool due = false;
   try {
+    if (!page_quantities_.empty()) {
+      std::vector<double> row;
+      for (const Quantity& q : page_quantities_) row.push_back(q.value(s));
+      page_->rows().add(s.time(), row);
+    }
     due = page_->step(s);
   } catch (const std::bad_alloc&) {
     page_.reset();
