@@ -138,6 +138,7 @@ GpuPlaces Factor::gpu_places() const {
 }
 
 void Factor::begin() {
+  return_to_device();
   factorized_ = false;
   result_ = FactorResult{};
   deficiency_.reset();
@@ -151,6 +152,19 @@ void Factor::begin() {
   if (!numeric_) make_numeric();
   numeric_->scale_by_matching(context_.matches());
   numeric_->halt_at_failures(halts_);
+  on_device_ = numeric_->device_system() != nullptr ? analysis_ : nullptr;
+}
+
+// What was tried for singular values may have left the device, in vain; regular ones begin where those did.
+void Factor::return_to_device() {
+  if (had_zeros_ && on_device_ && numeric_ && numeric_->device_system() == nullptr) {
+    context_.log("the last values were singular: back to the device on which they came");
+    numeric_.reset();
+    analysis_ = on_device_;
+    context_.rescaled = false;
+    ++changes_;
+  }
+  on_device_.reset();
 }
 
 void Factor::finish(device::FactorOutcome outcome, double start) {

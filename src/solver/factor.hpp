@@ -147,6 +147,7 @@ class Factor {
 
  private:
   void begin();
+  void return_to_device();
   void make_numeric();
   void charge_analysis();
   void again(device::FactorOutcome& outcome);
@@ -214,6 +215,7 @@ class Factor {
   bool matched_ = false;                      // this factorization has turned from equilibration to a matching
   bool halts_ = true;                         // factorizations end where pivots fail
   bool parts_ = true;                         // vanishing pivots count as zeros, until that proves wrong
+  SharedAnalysis on_device_;                  // with which the last factorization began; null: not on a device
   bool had_zeros_ = false;                    // the last factorization ended with replaced pivots
   bool follows_ = false;                      // numeric_ goes on with what the last factorization has left
   std::vector<RankCorrection> corrections_;   // of solutions: vanishing pivots of lu stand for more than zeros
