@@ -59,11 +59,16 @@ SECTIONS = (
     ("Substructures: a matrix", "read_bodies.cpp", "read_matrix", (), (("Bodies", "substructure"),)),
     ("Substructures: a node", "read_bodies.cpp", "read_node", (), (("Bodies", "substructure"),)),
     ("Substructures: lines", "read_bodies.cpp", "read_lines", (), (("Bodies", "substructure"),)),
-    ("Material of a body", "read_bodies.cpp", "material", (), (("Bodies", "solid"),)),
+    ("Material of a body", "read_bodies.cpp", "plain_material", (), (("Bodies", "solid"),)),
     ("[markers.NAME] and frames", "read_joints.cpp", "read_marker", (), (("Markers", "key"),)),
     ("How a face is held", "read_joints.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
+    ("Where a marker is", "read_joints.cpp", "read_where", (), (("Markers", "key"),)),
     ("Axes of a marker", "read_joints.cpp", "read_axes", (), (("Markers", "key"),)),
     ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
+    ("[supports]", "read_supports.cpp", "read_supports", (), (("The text", "at the top"),)),
+    ("[supports.NAME]", "read_supports.cpp", "read_support", (), (("Supports", "key"),)),
+    ("", "read_supports.cpp", "read_hold", (), (("Supports", "key"),)),
+    ("", "read_supports.cpp", "read_symmetry", (), (("Supports", "key"),)),
     ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
     ("Joint rolling", "read_joints.cpp", "read_rolling", (), (("Joints", "type"),)),
     ("Limits and friction of a joint", "read_contacts.cpp", "read_joint_contacts", (), (("Limits", ""),)),
@@ -96,15 +101,16 @@ TYPES = {"number": "number", "positive": "number > 0", "integer": "whole number"
          "choice": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
          "vectors": "list of points", "matrix": "three numbers, or a 3 x 3 matrix", "rotation": "rotation",
          "function": "function of time", "state_function": "expression", "value": "", "table": "table",
-         "named": "tables by name", "not_negative": "number >= 0", "number_from_zero": "number >= 0", "lever": "number > 0", "read_measure": 'number, or "initial"',
+         "named": "tables by name", "not_negative": "number >= 0", "number_from_zero": "number >= 0", "lever": "number > 0", "inertia": "number > 0", "read_measure": 'number, or "initial"',
          "read_interval": "time, 0 or false", "read_surface_axes": "list of three numbers", "elements": "whole number", "read_components": "three numbers or expressions",
          "plain_values": "names and values", "read_frame": "a marker's name or a table"}
-METHODS = [t for t in TYPES if not t.startswith(("not_", "number_", "lever", "read_", "elements", "plain_"))]
+METHODS = [t for t in TYPES if not t.startswith(("not_", "number_", "lever", "inertia", "read_", "elements", "plain_"))]
 HELPERS = [t for t in TYPES if t not in METHODS]
 NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_components", "lever", "rotation", "read_measure", "read_surface_axes"}
 
 # Literals of these files that are no keys: reserved names, the words of an option, a guess in a message.
-OTHER_WORDS = {"ground", "energy", "constraints", "step", "time", "true", "false", "initial", "keys", "bodies"}
+OTHER_WORDS = {"ground", "energy", "constraints", "step", "time", "true", "false", "initial", "keys", "bodies",
+               "statics", "linear", "x", "y", "z", "xyz"}
 
 
 @dataclass
