@@ -59,7 +59,7 @@ struct SimulationOptions {
   /// With `out`: the run as a page for a browser, index.html, unless the model says [output] page = false. It is
   /// renewed while the run goes on.
   bool page = true;
-  bool keep_page = false;  ///< what such a page shows is kept in memory: Simulation::page(). Also without `out`
+  bool keep_page = false;        ///< what such a page shows is kept in memory: Simulation::page(). Also without `out`
   bool record_timeline = false;  ///< keep what each step does when, for Simulation::write_trace()
   bool keep_series = false;      ///< chosen quantities are kept in memory, a row for every step: Simulation::series()
   /// Options of the solver by name ("device", "host_memory", ...: the fields of Options), over those of the model.

@@ -89,8 +89,9 @@ SensitivityResult sensitivities_of_text(const std::string& text, const std::stri
                                         SensitivityMethod method = SensitivityMethod::automatic);
 
 /// A number J that a run comes to as a whole: an integral over time, a distance from measurements. Called when the run
-/// has ended (and where the model switches, after each run that checks the gradient) with its times (start and ends of steps; statics: the last load factor) and values: for each time
-/// a row of quantities. Writes dJ/dvalues into slopes, which are as many, and zeros before. Must not throw Error.
+/// has ended (and where the model switches, after each run that checks the gradient) with its times (start and ends of
+/// steps; statics: the last load factor) and values: for each time a row of quantities. Writes dJ/dvalues into slopes,
+/// which are as many, and zeros before. Must not throw Error.
 using SensitivityObjective =
     std::function<double(const std::vector<double>& t, const std::vector<double>& values, std::vector<double>& slopes)>;
 

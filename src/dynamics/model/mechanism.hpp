@@ -104,10 +104,10 @@ class Mechanism {
   std::map<std::string, std::shared_ptr<double>> drives;          ///< of [harmonic]: added to forces and motors; zero
   std::vector<Support*> supports;
   std::map<std::pair<std::string, Index>, std::vector<HeldDirection>> held;  ///< by body and vertex
-  std::unique_ptr<const LinearResponse> linear;  ///< of linear statics: quantities and pictures are those of it
-  ModalDamping* modal_damping = nullptr;         ///< null: no body asks for it
-  Controls* controls = nullptr;                  ///< null: nothing can be set, switched or happen
-  std::vector<std::string> notices;              ///< what joints do not fit at the start, and how they hold faces
+  std::unique_ptr<const LinearResponse> linear;        ///< of linear statics: quantities and pictures are those of it
+  ModalDamping* modal_damping = nullptr;               ///< null: no body asks for it
+  Controls* controls = nullptr;                        ///< null: nothing can be set, switched or happen
+  std::vector<std::string> notices;                    ///< what joints do not fit at the start, and how they hold faces
   std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece
 

@@ -214,10 +214,11 @@ void Runner::find_modes() {
       if (StructuralDamping(*mechanism_).any()) found.notice += "; without structural damping";
       return summary_.notices.push_back(found.notice);
     }
-    summary_.notices.push_back(fmt::format(
-        "initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes that turn with a "
-        "body {}: the modes are those of the same positions at rest",
-        found.notice));
+    summary_.notices.push_back(
+        fmt::format("initial.modes: the motion at the start is not steady, neither from axes at rest nor from axes "
+                    "that turn with a "
+                    "body {}: the modes are those of the same positions at rest",
+                    found.notice));
     std::fill(at.v.begin(), at.v.end(), 0.0);
     make_consistent(*equations_, at);
   }
