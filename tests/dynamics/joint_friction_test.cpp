@@ -181,5 +181,23 @@ end = 30
   EXPECT_NEAR(s.value("hinge.stop_moment"), 20 * std::cos(s.value("hinge.angle")), 1e-3);
 }
 
+// What friction stops rests in few steps, however far its slip speed lies below the tolerances: v^2 / (2 a), a = mu N /
+// m = 2. Newton's iteration ended anywhere between the two directions of slip, and a million steps followed each other.
+TEST(JointFriction, SlipSpeedsBelowTheTolerancesDoNotChatter) {
+  for (const char* slip : {"1e-5", "1e-8"})
+    for (const char* tolerance : {"1e-3", "1e-6"}) {
+      const Simulation s = simulated(
+          std::string(
+              "[bodies.b]\ntype = \"rigid\"\nmass = 2\nbox = [0.1, 0.1, 0.1]\nvelocity = [1, 0, 0]\n[joints.r]\n"
+              "type = \"prismatic\"\na = { body = \"ground\", axis = [1, 0, 0] }\nb = { body = \"b\" }\n"
+              "friction = { coefficient = 0.2, preload = 20, slip_speed = ") +
+          slip + " }\n[integrator]\nend = 2\nsteps = 2000\nrelative = 1e-4\nabsolute = 1e-4\nabsolute_velocity = " +
+          tolerance + "\n");
+      EXPECT_LT(s.summary().steps, 200) << slip << ", " << tolerance;
+      EXPECT_EQ(s.summary().t_end, 2);
+      EXPECT_NEAR(s.value("b.position.x"), 0.25, 2e-4) << slip << ", " << tolerance;
+    }
+}
+
 }  // namespace
 }  // namespace espalier::dynamics
