@@ -75,8 +75,8 @@ def test_frames_of_data():
     frame, data = result.to_pandas(), result.to_xarray()
     assert isinstance(frame, pandas.DataFrame) and isinstance(data, xarray.Dataset)
     assert (frame["bob.position.y"].to_numpy() == result["bob.position.y"]).all() and frame.index.name == "t"
-    assert (data["bob.position.y"].values == result["bob.position.y"]).all()
-    assert (data.sel(t=result.t[3])["bob.position.y"] == result["bob.position.y"][3]).all()
+    assert (data["bob.position"].sel(axis="y").values == result["bob.position.y"]).all()
+    assert (data.sel(t=result.t[3], axis="y")["bob.position"] == result["bob.position.y"][3]).all()
 
 
 def test_steps_inputs_and_saved_states():

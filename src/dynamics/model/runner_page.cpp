@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <complex>
+#include <set>
 
 #include "base/stopwatch.hpp"
 #include "dynamics/model/runner.hpp"
@@ -21,9 +22,12 @@ std::vector<Quantity> usual_quantities(Mechanism& mechanism) {
   for (std::size_t j = 0; j < std::min(kMost, mechanism.joints.size()); ++j)
     requests.push_back(mechanism.joints[j]->name() + ".force");
   for (const char* energy : {"energy.kinetic", "energy.potential", "energy.total"}) requests.emplace_back(energy);
+  std::set<std::string> known;  // velocities are not, in linear statics
+  for (SimulationQuantity& q : list_quantities(mechanism)) known.insert(std::move(q.name));
   std::vector<Quantity> all;
   for (const std::string& request : requests)
-    for (Quantity& q : find_quantities(mechanism, request, {})) all.push_back(std::move(q));
+    if (known.contains(request) || known.contains(request + ".x"))
+      for (Quantity& q : find_quantities(mechanism, request, {})) all.push_back(std::move(q));
   return all;
 }
 
