@@ -149,6 +149,43 @@ def test_without_pillow(monkeypatch, bent):
     assert "<img" not in bent._repr_html_() and "image/png" not in bent.show()._repr_mimebundle_()
 
 
+def test_beams_cables_and_shells_have_their_stress():
+    """What the quantities of their nodes say, and M c / I, N / A; sections given by constants have none."""
+    material = {"young": 2e11, "poisson": 0.3, "density": 7800}
+    model = esp.Model(statics={})
+    model.body("beam", "beam", start=[0, 0, 0], end=[1, 0, 0], elements=4, height=0.02, width=0.01, material=material)
+    model.body("round", "beam", start=[0, 1, 0], end=[1, 1, 0], elements=2, radius=0.01, material=material)
+    model.body("rope", "cable", start=[0, 2, 0], end=[1, 2, 0], elements=3, radius=0.005, material=material)
+    model.body("shell", "shell", origin=[0, 3, 0], x=[1, 0, 0], y=[0, 1, 0], nx=4, ny=2, thickness=0.01, material=material)
+    model.body("bare", "cable", start=[0, 5, 0], end=[1, 5, 0], elements=2, axial=1e6, bending=100, mass_per_length=1)
+    for name in ("beam", "round", "rope", "bare"):
+        if name in ("beam", "round"):
+            model.joint(f"{name}_wall", "fixed", a={"body": "ground"}, b={"body": name, "node": 1})
+        else:
+            model.support(f"{name}_wall", body=name, node=1, hold="all")
+        model.force(f"{name}_end", "load", a={"body": name, "node": -1}, force=[50, 0, 0] if name == "rope" else [0, 0.2, 0.3])
+    model.support("shell_wall", body="shell", edge="x0", hold="all")
+    model.force("shell_load", "pressure", body="shell", face="top", pressure=100)
+    sim = esp.Simulation(model)
+    result = sim.run(progress=False)
+    frame, scene = result.frames[-1], result._scene
+    at = lambda body, node: [k for k in range(scene.points) if scene.bodies[scene.body_of[k]].name == body and scene.labels[k] == node]
+    for body, count in (("beam", 5), ("rope", 4), ("round", 3)):
+        for node in (1, 2, count):
+            truth = sim[f"{body}[node {node}].stress.xx.maxabs"] if body != "round" else sim[f"{body}[node {node}].stress.von_mises"]
+            assert frame.von_mises[at(body, node)] == pytest.approx(truth, rel=1e-3, abs=1e-4 * np.nanmax(frame.von_mises)), (body, node)
+    tolerance = 1e-4 * np.nanmax(frame.von_mises)
+    assert frame.von_mises[at("beam", 1)] == pytest.approx(0.2 * 0.01 / (0.01 * 0.02**3 / 12) + 0.3 * 0.005 / (0.02 * 0.01**3 / 12), rel=2e-3)
+    assert frame.principal[at("rope", 2)] == pytest.approx(50 / (np.pi * 0.005**2), rel=1e-2, abs=2 * tolerance)
+    top, bottom = at("shell", 1)
+    for point, side in ((top, "top"), (bottom, "bottom")):
+        assert frame.von_mises[point] == pytest.approx(sim[f"shell[node 1 {side}].stress.von_mises"], rel=1e-3, abs=tolerance)
+    assert frame.principal[top] > 0 > frame.principal[bottom]  # pressed downwards at the clamp: the top is pulled
+    assert np.isnan(frame.von_mises[at("bare", 1)]).all()
+    assert np.isfinite(frame.von_mises[[k for k in range(scene.points) if scene.bodies[scene.body_of[k]].name in ("beam", "rope")]]).all()
+    assert _drawing.peak_of(scene, _drawing.state_of(scene, len(scene.times) - 1, "von_mises")).body in ("beam", "shell", "round")
+
+
 def points(count):
     model = esp.Model(integrator={"end": 1e-3}, gravity=[0, 0, -10])
     for k in range(count):

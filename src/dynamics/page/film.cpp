@@ -34,12 +34,18 @@ struct Taken {
   Drawn::Place place;
   std::vector<double> marks;
   std::vector<std::vector<double>> positions;
+  std::vector<double> thin;
 };
 
 }  // namespace
 
 Film::Film(const model::Mechanism& mechanism, const model::Description& model, double begin, double end, double wished)
-    : mechanism_(mechanism), drawn_(mechanism), marks_(mechanism, model), stress_(mechanism, drawn_), most_(kUsual) {
+    : mechanism_(mechanism),
+      drawn_(mechanism),
+      marks_(mechanism, model),
+      stress_(mechanism, drawn_),
+      thin_(mechanism, drawn_),
+      most_(kUsual) {
   double numbers = 0;
   for (const Section& section : sections()) numbers += static_cast<double>(section.count);
   const double room = kRoom / std::max(1.0, 2 * numbers);
@@ -58,7 +64,7 @@ std::vector<Film::Section> Film::sections() const {
     else
       points += at(body.count);
   }
-  const std::size_t marks = 3 * at(marks_.count()), stress = stress_.empty() ? 0 : points;
+  const std::size_t marks = 3 * at(marks_.count()), stress = stress_.empty() && thin_.empty() ? 0 : points;
   return {{"x", points},         {"y", points},         {"z", points},           {"px", rigid},
           {"py", rigid},         {"pz", rigid},         {"turn", 4 * rigid},     {"speed", points},
           {"von_mises", stress}, {"principal", stress}, {"velocity", 3 * rigid}, {"omega", 3 * rigid},
@@ -127,6 +133,7 @@ void Film::take(const State& s, const State& end) {
   if (times_.interval <= 0) shown.t = end.t;
   marks_.place(shown, end.view(), taken->marks);
   if (!stress_.empty()) taken->positions = stress_.positions(s);
+  if (!thin_.empty()) taken->thin = thin_.keep(s);
   const auto make = [this, taken] {
     Frame frame;
     frame.t = taken->t;
@@ -135,6 +142,7 @@ void Film::take(const State& s, const State& end) {
     out.add(speeds_of(taken->place.rates));
     std::vector<double> von_mises, principal;
     if (!stress_.empty()) stress_.evaluate(taken->positions, von_mises, principal);
+    if (!thin_.empty()) thin_.add_to(taken->thin, von_mises, principal);
     out.add(von_mises);
     out.add(principal);
     out.add(taken->place.velocities);

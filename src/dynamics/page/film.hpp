@@ -14,6 +14,7 @@
 #include "dynamics/page/marks.hpp"
 #include "dynamics/page/nodal_stress.hpp"
 #include "dynamics/page/packed.hpp"
+#include "dynamics/page/thin_stress.hpp"
 
 namespace espalier::dynamics::page {
 
@@ -66,6 +67,7 @@ class Film {
   Drawn drawn_;
   Marks marks_;
   NodalStress stress_;
+  ThinStress thin_;
   model::DueTimes times_;
   std::size_t most_;
   long stride_ = 1, seen_ = 0;  // of steps, where every step is taken
