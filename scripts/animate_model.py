@@ -4,9 +4,9 @@
     espalier simulate models/engine.toml --out results --set output.vtu_interval=0.0005
     python3 scripts/animate_model.py results --look engine --from 0.02 --to 0.04 --out engine.webp
 
-The frames of motion.pvd from --from (inclusive) to --to (exclusive) are drawn as scripts/draw_model.py draws them: for a
+The frames of results.vtkhdf (or motion.pvd) from --from (inclusive) to --to (exclusive) are drawn as scripts/draw_model.py draws them: for a
 motion that repeats, one period makes a loop without a seam. --look takes view, colours and path of one of the models in
-models/. Needs numpy, matplotlib, pillow (the group "pictures" of scripts/packages.txt).
+models/. Needs numpy, matplotlib, pillow, h5py (the group "pictures" of scripts/packages.txt).
 """
 import argparse
 import io
@@ -25,7 +25,7 @@ def frames(folder, look, begin, end, width, height):
     chosen = [k for k, t in enumerate(times) if begin - 1e-9 <= t < end - 1e-9]
     if not chosen:
         raise SystemExit(f"no frame lies between {begin:g} and {end:g}; there are {len(times)} from {times[0]:g} to {times[-1]:g}")
-    shapes = [draw.polygons(draw.read_vtu(files[k]), look) for k in chosen]
+    shapes = [draw.polygons(draw.read_frame(files[k]), look) for k in chosen]
     most = look.most or float(np.nanpercentile(np.concatenate([s[1] for s in shapes]), 99.5)) or 1.0
     norm, colours = draw.Normalize(0, most, clip=True), plt.get_cmap("turbo")
     low, high = draw.limits(shapes)

@@ -1,12 +1,12 @@
 #!/usr/bin/env python3
-"""Draws a result of `espalier simulate`: the outer surface of the bodies in one or two frames of motion.pvd, coloured
+"""Draws a result of `espalier simulate`: the outer surface of the bodies in one or two of its frames, coloured
 by von Mises stress or by the displacement from the initial state, and a curve of quantities.csv below.
 
     python3 scripts/draw_model.py RESULTS --out picture.png --look engine
     python3 scripts/draw_model.py RESULTS --out picture.png --view 20 -60 --times 0.01 0.02 --curve pin.force.norm
 
 RESULTS is the folder given to --out of simulate. --look takes times, view and curve of one of the models in models/.
-Needs numpy, matplotlib, pillow (the group "pictures" of scripts/packages.txt).
+Reads results.vtkhdf or motion.pvd. Needs numpy, matplotlib, pillow, h5py (the group "pictures" of scripts/packages.txt).
 """
 import argparse
 import csv
@@ -129,10 +129,38 @@ def read_vtu(path):
     return arrays
 
 
+def read_vtkhdf(path, k):
+    """The same of frame k of a results.vtkhdf."""
+    import h5py
+
+    with h5py.File(path) as file:
+        root, steps = file["VTKHDF"], file["VTKHDF/Steps"]
+        points, cells = int(root["NumberOfPoints"][0]), int(root["NumberOfCells"][0])
+        arrays = {"connectivity": root["Connectivity"][:], "offsets": root["Offsets"][1:], "types": root["Types"][:]}
+        first_of_points = int(steps["PointOffsets"][k])
+        arrays["Points"] = root["Points"][first_of_points:first_of_points + points]
+        for group, count in (("PointData", points), ("CellData", cells)):
+            for name, array in root[group].items():
+                first = int(steps[f"{group}Offsets"][name][k])
+                arrays[name] = array[first:first + count]
+    return arrays
+
+
+def read_frame(frame):
+    """The arrays of one of the frames of read_series()."""
+    return read_vtkhdf(*frame) if isinstance(frame, tuple) else read_vtu(frame)
+
+
 def read_series(folder):
-    """Times and files of motion.pvd."""
+    """Times and frames of results.vtkhdf or motion.pvd."""
+    if (folder / "results.vtkhdf").exists():
+        import h5py
+
+        with h5py.File(folder / "results.vtkhdf") as file:
+            times = file["VTKHDF/Steps/Values"][:]
+        return times, [(folder / "results.vtkhdf", k) for k in range(len(times))]
     if not (folder / "motion.pvd").exists():
-        sys.exit(f"{folder} has no motion.pvd: give the model output.vtu_interval (index.html there needs none)")
+        sys.exit(f"{folder} has no results.vtkhdf or motion.pvd: give the model output.vtu_interval (index.html there needs none)")
     text = (folder / "motion.pvd").read_text()
     rows = re.findall(r'timestep="([^"]+)"[^>]*file="([^"]+)"', text)
     if not rows:
@@ -295,7 +323,7 @@ def limits(all_shapes):
 def draw(folder, out, look):
     times, files = read_series(folder)
     chosen = [int(np.argmin(abs(times - t))) for t in look.times] or [len(times) - 1]
-    shapes = [polygons(read_vtu(files[i]), look) for i in chosen]
+    shapes = [polygons(read_frame(files[i]), look) for i in chosen]
     label, _ = unit_of(look)
     every = np.concatenate([s[1] for s in shapes])
     most = look.most or float(np.nanpercentile(every, 99.5)) or 1.0

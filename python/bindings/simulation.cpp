@@ -175,6 +175,25 @@ nb::dict fields(const SimulationSummary& s) {
     mode_values.append(of_mode);
   }
   d["envelopes"] = envelopes;
+  nb::list peaks, paths;
+  for (const SimulationExtreme& x : s.stress_peaks) peaks.append(extreme(x));
+  for (const SimulationPath& p : s.paths) {
+    nb::dict path, columns;
+    const std::size_t points = p.length.size();
+    for (std::size_t q = 0; q < p.quantities.size(); ++q) {
+      const auto from = p.values.begin() + static_cast<std::ptrdiff_t>(q * points);
+      columns[p.quantities[q].c_str()] = std::vector<double>(from, from + static_cast<std::ptrdiff_t>(points));
+    }
+    path["name"] = p.name;
+    path["body"] = p.body;
+    path["t"] = p.t;
+    path["length"] = p.length;
+    path["places"] = p.places;
+    path["values"] = columns;
+    paths.append(path);
+  }
+  d["stress_peaks"] = peaks;
+  d["paths"] = paths;
   d["mode_values"] = mode_values;
   d["files"] = s.files;
   return d;

@@ -81,7 +81,8 @@ ESPALIER_INLINE bool respond(const StrainMaterial& law, const Element& e, Respon
 
 /// Solves sum M^T S(E + M alpha) = 0 for alpha, starting from the linearisation at alpha = 0; `r` ends at the
 /// solution, its stiffness factored. Converged when the residual no longer falls below round-off of the stress.
-ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response& r) {
+/// @param strains_alone  only alpha is wanted, not `r`
+ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response& r, bool strains_alone = false) {
   constexpr int kMaxIterations = 30;
   std::fill_n(e.alpha, kMaxModes, 0.0);
   double previous = std::numeric_limits<double>::infinity();
@@ -96,6 +97,7 @@ ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response
     std::copy_n(r.residual, e.modes, step);
     cholesky_solve(r.stiffness, e.modes, step);
     for (int k = 0; k < e.modes; ++k) e.alpha[k] -= step[k];
+    if (strains_alone && law.linear()) return true;
     previous = norm;
   }
   return false;
@@ -295,7 +297,7 @@ bool sample_hex8(Hex8Formulation formulation, const Material& material, const do
   Element e;
   Response r;
   if (!prepare(formulation, {reference, position, nullptr}, e)) return false;
-  if (!solve_modes(StrainMaterial(material), e, r)) return false;
+  if (!solve_modes(StrainMaterial(material), e, r, true)) return false;
   for (int q = 0; q < kPoints; ++q)
     for (int m = 0; m < 6; ++m) {
       out.value[q][m] = e.point[q].strain[m];

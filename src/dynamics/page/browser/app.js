@@ -73,7 +73,11 @@ class App {
       add(shown('amplitude'), response, {...more, logY: true});
       add(shown('phase'), response, more);
     }
-    if (names.length === 0 && !this.data.response) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
+    for (const path of this.data.paths || []) {
+      const series = pathSeries(path);
+      add(series.names.slice(0, 6), series, {abscissa: 'length', response: true, events: [], moveTo: () => {}, time: () => NaN});
+    }
+    if (names.length === 0 && !this.data.response && !this.data.paths) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
     else (memory.plots || this.series.suggestions().slice(0, 3)).forEach(shown => add(shown));
     byId('add-plot').addEventListener('click', () => add([]));
     byId('add-plot').disabled = names.length === 0;
