@@ -124,8 +124,8 @@ class Runner {
   void choose(const std::string& request, const Place& place);
   void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
   void write_table_of_paths();
-  void note_elements();    ///< what is known of their weaknesses, once for each body
-  void note_steps();       ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
+  void note_elements();  ///< what is known of their weaknesses, once for each body
+  void note_steps();     ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }

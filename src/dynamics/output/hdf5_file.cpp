@@ -22,7 +22,7 @@ namespace {
 
 constexpr char kRecord[] = "ESPALIER";  // 8 bytes, before the headers of a slot
 constexpr std::uint64_t kFirstSlot = 64, kChunkBytes = std::uint64_t{4} << 20, kFirstRows = 64;
-constexpr int kDeflate = 4;
+constexpr int kDeflate = 4, kMostLevels = 8;  // of the index: 64^8 chunks
 
 std::uint32_t crc(const std::string& bytes) {
   return static_cast<std::uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
@@ -360,7 +360,7 @@ Earlier::Earlier(const std::string& path, const File& like) : path_(path) {
       series_.push_back({number_at(at, 8), number_at(at + 8, 8)});
     for (const File::Chunked& c : like.chunked_) {
       chunks_.emplace_back();
-      if (number_at(at, 8) != kNowhere) walk(c.shape, number_at(at, 8), chunks_.back(), 0);
+      if (number_at(at, 8) != kNowhere) walk(c.shape, number_at(at, 8), kMostLevels, chunks_.back());
       chunks_.back().resize(std::min<std::uint64_t>(chunks_.back().size(), number_at(at + 8, 8)));
       at += 16;
     }
@@ -383,20 +383,20 @@ std::string Earlier::read(std::uint64_t address, std::size_t bytes) const {
   return out;
 }
 
-void Earlier::walk(const ArrayShape& shape, std::uint64_t node, std::vector<Chunk>& out, int depth) const {
-  constexpr int kMostLevels = 8;
+void Earlier::walk(const ArrayShape& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const {
   const std::string bytes = read(node, node_bytes(shape));
   const std::size_t key = key_bytes(shape);
   const auto children = static_cast<std::size_t>(number_at(bytes.data() + 6, 2));
-  if (depth > kMostLevels || bytes.compare(0, 4, "TREE") != 0 || children > kChunkChildren)
+  const int level = static_cast<unsigned char>(bytes[5]);
+  if (level >= above || bytes.compare(0, 4, "TREE") != 0 || children > kChunkChildren)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the file is damaged; move it away", path_));
   for (std::size_t k = 0; k < children; ++k) {
     const char* at = bytes.data() + 24 + k * (key + 8);
     const std::uint64_t child = number_at(at + key, 8);
-    if (bytes[5] == 0) {
+    if (level == 0) {
       out.push_back({child, number_at(at, 4)});
     } else {
-      walk(shape, child, out, depth + 1);
+      walk(shape, child, level, out);
     }
   }
 }

@@ -129,7 +129,8 @@ class Earlier {
     std::uint64_t address = 0, bytes = 0;
   };
   [[nodiscard]] std::string read(std::uint64_t address, std::size_t bytes) const;
-  void walk(const ArrayShape& shape, std::uint64_t node, std::vector<Chunk>& out, int depth) const;
+  /// @param above  the level of the node above
+  void walk(const ArrayShape& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const;
 
   std::string path_;
   int descriptor_ = -1;
