@@ -98,6 +98,8 @@ void Film::restore(const model::Sample& s) {
   std::erase_if(frames_, [this](const Frame& frame) { return frame.t > before_.t; });
   times_.wind_to(before_.t);
   taken_ = frames_.size();
+  large_ = 0;
+  for (const Frame& frame : frames_) large_ += frame.packed.size();
   last_ = frames_.empty() ? std::numeric_limits<double>::quiet_NaN() : frames_.back().t;
 }
 
