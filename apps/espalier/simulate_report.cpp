@@ -121,11 +121,15 @@ std::string simulate_summary(const SimulationSummary& s) {
     text += extremes.text();
   }
   if (!s.stress_peaks.empty()) {
+    constexpr std::size_t kShown = 5;
+    std::vector<SimulationExtreme> all = s.stress_peaks;
+    std::stable_sort(all.begin(), all.end(), [](const auto& a, const auto& b) { return a.value > b.value; });
     Table peaks("<><");
-    for (const SimulationExtreme& x : s.stress_peaks)
-      peaks.add({"von Mises stress of " + x.body, fmt::format("{:.6g}", x.value),
-                 fmt::format("the largest at its surface, at {:g}, node {}", x.t, x.node)});
+    for (std::size_t k = 0; k < std::min(kShown, all.size()); ++k)
+      peaks.add({"von Mises stress of " + all[k].body, fmt::format("{:.6g}", all[k].value),
+                 fmt::format("the largest at its surface, at {:g}, node {}", all[k].t, all[k].node)});
     text += peaks.text();
+    if (all.size() > kShown) text += fmt::format("  less in {} more bodies\n", all.size() - kShown);
   }
   for (const std::string& file : s.files) text += fmt::format("  wrote {}\n", file);
   return text;

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <filesystem>
 
+#include "dynamics/output/hdf5_file.hpp"
+
 namespace espalier::dynamics::model {
 
 namespace {

@@ -54,7 +54,7 @@ std::uint64_t pieces_of(std::uint64_t rows, std::uint64_t row_bytes) {
 
 }  // namespace
 
-File::File(std::string path) : path_(base::followed(path).string()), written_(path_ + ".espalier.part") {}
+File::File(const std::string& path) : path_(base::followed(path).string()), written_(path_ + ".espalier.part") {}
 
 File::~File() {
   if (descriptor_ >= 0) ::close(descriptor_);

@@ -21,7 +21,7 @@ namespace espalier::dynamics::hdf5 {
 /// The file is written beside its name, as PATH.espalier.part, until publish().
 class File {
  public:
-  explicit File(std::string path);
+  explicit File(const std::string& path);
   ~File();
   File(const File&) = delete;
   File& operator=(const File&) = delete;

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <set>
 
+#include "dynamics/output/hdf5_file.hpp"
+
 namespace espalier::dynamics {
 namespace {
 

@@ -8,7 +8,6 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/output/hdf5_file.hpp"
 #include "dynamics/output/vtu.hpp"
 
 namespace espalier::dynamics {
@@ -36,7 +35,7 @@ struct VtkHdfFrame {
 };
 
 /// Cells are written once; places with 33 significant bits, fields with 24 (float32), all packed. The file can be
-/// opened after the first frame, and is whole whenever the process dies (hdf5::File).
+/// opened after the first frame, and is whole whenever the process dies (hdf5_file.hpp).
 class VtkHdf {
  public:
   /// @param layout  what it points to must live as long as this

@@ -13,8 +13,8 @@ namespace espalier::dynamics::page {
 namespace {
 
 constexpr std::size_t kUsual = 200, kFewest = 12;  // pictures
-constexpr double kRoom = 60e6;          // bytes of all pictures as numbers; gzip and letters make 0.6 to 0.85 of them
-constexpr std::size_t kLarge = 65'536;  // numbers of a picture that is compressed at once
+constexpr std::size_t kRoom = 40'000'000;          // bytes of large pictures; as letters 4/3 of them
+constexpr std::size_t kLarge = 65'536;             // numbers of a picture that is compressed at once
 
 void pack_place(const Drawn::Place& at, Quantized& out) {
   for (std::size_t i = 0; i < 3; ++i) out.add(at.points, i, 3);
@@ -46,10 +46,6 @@ Film::Film(const model::Mechanism& mechanism, const model::Description& model, d
       stress_(mechanism, drawn_),
       thin_(mechanism, drawn_),
       most_(kUsual) {
-  double numbers = 0;
-  for (const Section& section : sections()) numbers += static_cast<double>(section.count);
-  const double room = kRoom / std::max(1.0, 2 * numbers);
-  if (room < static_cast<double>(kUsual)) most_ = std::max(kFewest, static_cast<std::size_t>(room)), fewer_ = true;
   times_.start = begin;
   times_.interval = std::isfinite(end) && !model.statics ? (end - begin) / static_cast<double>(most_) : 0;
   const double in_run = wished > 0 ? (end - begin) / wished : 0;  // pictures that the model asks for
@@ -95,6 +91,10 @@ void Film::step(const model::Sample& s) {
     take(now, *s.state);
   }
   if (taken_ > 2 * most_) thin_out();
+  if (large_ > kRoom && taken_ > kFewest) {
+    fewer_ = true;
+    thin_out();
+  }
 }
 
 void Film::end(const model::Sample& s) { take(s.pictured(), *s.state); }
@@ -105,6 +105,8 @@ void Film::restore(const model::Sample& s) {
   std::erase_if(frames_, [this](const Frame& frame) { return frame.t > before_.t; });
   times_.wind_to(before_.t);
   taken_ = frames_.size();
+  large_ = 0;
+  for (const Frame& frame : frames_) large_ += frame.packed.size();
   last_ = frames_.empty() ? std::numeric_limits<double>::quiet_NaN() : frames_.back().t;
 }
 
@@ -114,6 +116,8 @@ void Film::thin_out() {
   for (std::size_t k = 0; k < frames_.size(); k += 2) kept.push_back(std::move(frames_[k]));
   frames_ = std::move(kept);
   taken_ = frames_.size();
+  large_ = 0;
+  for (const Frame& frame : frames_) large_ += frame.packed.size();
   stride_ *= 2;
   if (times_.interval <= 0) return;
   times_.interval *= 2;
@@ -163,6 +167,7 @@ void Film::take(const State& s, const State& end) {
     if (out.steps.size() >= kLarge) {
       frame.packed = compressed(split_bytes(out.steps));
       out.steps = {};
+      large_ += frame.packed.size();
     }
     frames_.push_back(std::move(frame));
   };

@@ -2,6 +2,7 @@
 /// What the page shows of a run: pictures at even times, as many as a page can hold.
 #pragma once
 
+#include <atomic>
 #include <limits>
 #include <string>
 #include <vector>
@@ -77,9 +78,10 @@ class Film {
   bool fewer_ = false;          // than is usual, for their size
   State before_;
   Quantized rest_;
-  std::vector<Frame> frames_;  // from take() to wait() the background's
-  std::size_t taken_ = 0;      // of them, by the caller's count
-  std::string shapes_;         // JSON
+  std::vector<Frame> frames_;           // from take() to wait() the background's
+  std::atomic<std::size_t> large_ = 0;  // bytes of the large ones
+  std::size_t taken_ = 0;               // of them, by the caller's count
+  std::string shapes_;                  // JSON
   std::vector<std::string> shape_pieces_;
   double last_ = std::numeric_limits<double>::quiet_NaN();
   base::Background background_;  // uses what stands above
