@@ -2,7 +2,7 @@
 /// The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <complex>
 #include <vector>
 

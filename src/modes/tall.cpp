@@ -1,6 +1,9 @@
 #include "modes/tall.hpp"
 
+#include <optional>
 #include <vector>
+
+#include "dense/dense.hpp"
 
 namespace espalier::modes {
 
@@ -88,9 +91,9 @@ void orthonormalize(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work)
       b(v.col(c), work.col(0), width);
       g.middleCols(c, width) = gram(pool, n, v.col(0), count, work.col(0), width);
     }
-    const Eigen::LLT<Dense> llt((g + g.transpose()) / 2);
-    Dense to_q = Dense::Identity(count, count);
-    llt.matrixU().solveInPlace(to_q);
+    const std::optional<Dense> l = dense::cholesky((g + g.transpose()) / 2);
+    if (!l) throw Error(StatusCode::accuracy_not_reached, "vectors of the search have become dependent");
+    const Dense to_q = dense::solve_transposed_lower(*l, Dense::Identity(count, count));
     combine(pool, n, v.col(0), to_q, v.col(0));
   }
 }
