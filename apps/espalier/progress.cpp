@@ -37,6 +37,7 @@ std::string bar(double share) {
 /// "12 of 50 modes"; percent alone where the numbers say nothing.
 std::string amount(double done, double total, const std::string& unit) {
   if (unit.empty() || unit == "flops" || unit == "time" || unit == "load factor") return "";
+  if (total == 1) return "";
   return total > 0 ? fmt::format("{:.0f} of {:.0f} {}", done, total, unit) : fmt::format("{:.0f} {}", done, unit);
 }
 

@@ -23,7 +23,7 @@ struct Host {
   static bool interrupted();
   /// What calls of this thread do while they are asked whether to stop; None: nothing.
   static void set_tick(nb::object tick);
-  /// For a tick: where the call is, the fields of espalier::ProgressReport.
+  /// The fields of espalier::ProgressReport: where the call is, or, after its end, was; while there is a tick.
   static nb::tuple progress();
 };
 

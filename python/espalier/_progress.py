@@ -2,7 +2,7 @@
 
 import sys
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Callable, Union
 
 from . import _core
@@ -11,7 +11,7 @@ from ._checks import flag
 
 @dataclass(frozen=True)
 class Progress:
-    """What a `progress` function is told of a long call. `state`: "running", at last "done" or "failed". `phase`:
+    """What a `progress` function is told of a long call. `state`: "running", at last "ended". `phase`:
     "factorization", "modes", "motion" ...; `done` of `total` in `unit` ("flops", "modes", "time"; total 0: nobody knows);
     `seconds` since the phase began and `seconds_left` (NaN: nobody knows); `inside`: what the phase is at, likewise."""
 
@@ -121,11 +121,11 @@ class Watch:
 
 
 class Told:
-    """Calls a function with a Progress, at most five times a second and once at the end. What it raises ends the call."""
+    """Calls a function with a Progress, at most five times a second and once at the end, unless an
+    exception ended the call. What it raises ends the call."""
 
     def __init__(self, function: "Callable[[Progress], Any]") -> None:
         self._function = function
-        self._last = Progress("running", "", 0.0, 0.0, "", 0.0, float("nan"), "", 0.0, 0.0, "")
         self._next = 0.0
 
     def __enter__(self) -> None:
@@ -133,17 +133,15 @@ class Told:
 
     def _tick(self) -> None:
         now = Progress("running", *_core.progress())
-        if not now.phase:
-            return
-        self._last = now
-        if time.monotonic() >= self._next:
+        if now.phase and time.monotonic() >= self._next:
             self._next = time.monotonic() + 0.2
             self._function(now)
 
     def __exit__(self, kind: Any, *_: Any) -> None:
+        last = Progress("ended", *_core.progress())
         _core.set_tick(None)
-        if kind is None or issubclass(kind, Exception):
-            self._function(replace(self._last, state="done" if kind is None else "failed"))
+        if kind is None:
+            self._function(last)
 
 
 class Unwatched:

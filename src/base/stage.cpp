@@ -60,12 +60,14 @@ class StageBoard {
   StageBoard* before_;
 };
 
-// By the prediction at first, more and more by the time that was needed so far.
+// By the prediction at first, and from a third of the work on by the time that was needed so far: what comes first,
+// small fronts, is slower than the rest.
 double StageBoard::seconds_left(const Stage& s, double seconds) {
+  constexpr double kThird = 1.0 / 3;
   const double share = s.total_ > 0 ? done_of(s) / s.total_ : 0;
   if (s.predicted_ > 0) {
-    if (share <= 0) return std::max(0.0, s.predicted_ - seconds);
-    return (1 - share) * ((1 - share) * s.predicted_ + seconds);
+    const double trust = std::min(1.0, share / kThird), by_now = share > 0 ? seconds / share : 0;
+    return std::max(0.0, (1 - trust) * s.predicted_ + trust * by_now - seconds);
   }
   return share > 0 ? seconds * (1 - share) / share : std::numeric_limits<double>::quiet_NaN();
 }

@@ -80,9 +80,12 @@ TEST(Stage, SecondsLeftBeginWithThePrediction) {
   const ProgressListener listener(nullptr);
   Stage stage("factorization", 100, "flops", 1000);
   EXPECT_NEAR(progress().seconds_left, 1000, 60);
-  stage.reach(50);  // half is done in no time: the prediction counts for the other half, by half
-  const ProgressReport r = progress();
-  EXPECT_NEAR(r.seconds_left, 0.5 * (0.5 * 1000 + r.seconds), 1e-9);
+  stage.reach(10);
+  ProgressReport r = progress();
+  EXPECT_NEAR(r.seconds_left, 0.7 * 1000 + 0.3 * r.seconds / 0.1 - r.seconds, 1e-9);
+  stage.reach(60);  // in no time: the prediction was wrong
+  r = progress();
+  EXPECT_NEAR(r.seconds_left, r.seconds * 0.4 / 0.6, 1e-9);
 }
 
 TEST(Stage, AnInnerListenerTakesThePlaceOfTheOuter) {
