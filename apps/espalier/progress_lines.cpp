@@ -99,7 +99,8 @@ std::string ProgressLines::members(const ProgressReport& r, double since) const 
 void ProgressLines::write(const ProgressReport& report, double since) {
   constexpr std::chrono::milliseconds kApart{200};
   if (descriptor_ < 0) return;
-  last_ = report;
+  // How far a phase came is not forgotten when what has counted in it has ended.
+  if (report.phase != last_.phase || !report.unit.empty()) last_ = report;
   const auto now = Clock::now();
   if (now < due_) return;
   due_ = now + kApart;
