@@ -9,12 +9,13 @@ from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, No
 from ._harmonic import Harmonic, ModelHarmonic, harmonic
 from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
 from ._pictures import Cells, Frame
+from ._progress import Progress
 from ._results import Analysis, Change, Factor, Inertia, Solve
 from ._sensitivities import Derivatives, derivatives, objective_gradient
 from ._simulation import Model, Result, Simulation, Step, sweep
 from ._solver import Solver, solve
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
-           "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
+           "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
            "Step", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
            "sweep"]

@@ -62,6 +62,9 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
     const bool full = j_ + width > capacity_, exhausted = width == 0;
     if (j_ < look && !full && !exhausted) continue;
     const Ritz now = ritz(width);
+    if (options_.converged)
+      options_.converged(std::min(now.good_negative, options_.wanted.negative) +
+                         std::min(now.good_positive, options_.wanted.positive));
     look = j_ + std::max(options_.block, j_ / 12);
     if (exhausted || enough(now) || stalled(now) || restarts_ >= options_.restarts) return result(now, exhausted);
     if (!full) continue;

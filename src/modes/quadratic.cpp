@@ -221,6 +221,7 @@ bool QuadraticSearch::look(bool last) {
     chosen.push_back(k);
   }
   const bool all = good && static_cast<Index>(chosen.size()) == options_.count;
+  stage_.reach(static_cast<double>(chosen.size()));
   if (all || last) deliver(theta, s, chosen);
   return all;
 }
@@ -229,6 +230,7 @@ void QuadraticSearch::search() {
   const Eigen::Index whole = 2 * Eigen::Index{k_.rows};
   const Eigen::Index most = std::min(
       whole - 1, options_.basis_size > 0 ? Eigen::Index{options_.basis_size} : 20 * Eigen::Index{options_.count} + 200);
+  stage_.expect(options_.count);
   factorize();
   measure_scale();
   begin();
