@@ -197,7 +197,7 @@ def main():
             line += " (not ended)"
         print(line, end="", flush=True)
         if not arguments.no_sweep:
-            best = sweep(text, truth, arguments.accuracy, arguments.quick, 5 * summary["steps"] if "steps" in summary else 100000)
+            best = sweep(text, truth, arguments.accuracy, arguments.quick, 5 * summary["steps"] if "integrator" in summary else 100000)
             if best:
                 shown = {k: v for k, v in best[1].items() if k != "steps"}
                 print(f"   {best[0]:8d} {best[2]:8.1e} {cost(summary) / best[0]:6.2f}  {shown}", end="")

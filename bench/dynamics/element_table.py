@@ -187,7 +187,7 @@ def compressed(kind, options, folder):
     try:
         result = model.run(set={"statics.largest_step": 0.05, "statics.path": "load-steps"}, observer=lambda step: loads.append(step.t))
         critical = result.summary["critical"]
-        reached = critical[0][0] if critical else 1.0
+        reached = critical[0]["load"] if critical else 1.0
     except esp.Error:
         reached = loads[-1] if loads else 0.0
     low, high = 0.7, 1.0

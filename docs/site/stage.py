@@ -12,6 +12,7 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -21,6 +22,7 @@ import notebooks  # noqa: E402
 import option_names  # noqa: E402
 
 ROOT = Path(__file__).resolve().parents[2]
+LARGEST_SCENE = 2_000_000  # bytes of a page in the gallery
 # All public headers but the one that includes the others.
 HEADERS = sorted(h.name for h in (ROOT / "include/espalier").iterdir() if h.name != "espalier.hpp")
 
@@ -48,7 +50,7 @@ def with_rows(text):
     return re.sub(r"^<!-- rows: (.*?) -->$", rows, text, flags=re.M)
 
 
-def copy_tree(stage, kept):
+def copy_tree(stage, kept, binary):
     """docs/ without the machinery of the site."""
     for source in sorted((ROOT / "docs").rglob("*")):
         relative = source.relative_to(ROOT / "docs")
@@ -59,6 +61,9 @@ def copy_tree(stage, kept):
         if source.suffix == ".md" and notebooks.is_notebook(text := source.read_text()):
             put(target, notebooks.with_download(text, source.stem), kept)
             put(stage / "downloads" / f"{source.stem}.ipynb", notebooks.to_ipynb(text), kept)
+            continue
+        if relative.name == "gallery.md":
+            put(target, with_scenes(source.read_text(), binary, stage), kept)
             continue
         if relative.parts[0] == "use":
             put(target, with_rows(source.read_text()), kept)
@@ -133,6 +138,36 @@ def cpp_page(xml, header):
     return "\n".join(out)
 
 
+def with_scenes(text, binary, stage):
+    """`<!-- scene: MODEL OPTIONS -->` becomes the moving scene of that run: its page, made where model, options or program
+    have changed, in a frame that is loaded when it comes into view."""
+    folder = stage.parent / "extra" / "scenes"
+    folder.mkdir(parents=True, exist_ok=True)
+
+    def scene(match):
+        model, *options = match[1].split()
+        name = Path(model).stem
+        page, stamp = folder / f"{name}.html", stage.parent / "scenes" / f"{name}.txt"
+        program = Path(binary).stat()
+        wanted = f"{(ROOT / model).read_text()}\n{options}\n{program.st_size} {program.st_mtime_ns}"
+        if not page.exists() or not stamp.exists() or stamp.read_text() != wanted:
+            with tempfile.TemporaryDirectory() as out:
+                run = subprocess.run([binary, "simulate", ROOT / model, *options, "--quiet", "--out", out], capture_output=True, text=True)
+                made = Path(out) / "index.html"
+                if run.returncode != 0 or not made.exists():
+                    sys.exit(f"the scene of {model} was not made: {run.stderr.strip() or 'no index.html'}")
+                if made.stat().st_size > LARGEST_SCENE:
+                    sys.exit(f"the scene of {model} has {made.stat().st_size} bytes: give docs/gallery.md a coarser mesh or a shorter time")
+                shutil.copyfile(made, page)
+            stamp.parent.mkdir(exist_ok=True)
+            stamp.write_text(wanted)
+        return (f'```{{raw}} html\n<iframe src="scenes/{name}.html" title="The moving scene of {model}" loading="lazy" allowfullscreen '
+                f'style="width:100%;height:620px;border:1px solid #8886;border-radius:8px"></iframe>\n'
+                f'<p><a href="scenes/{name}.html">This scene alone</a></p>\n```')
+
+    return re.sub(r"^<!-- scene: (.*?) -->$", scene, text, flags=re.M)
+
+
 def report(binary, stage, kept):
     """Every committed measurement as one page with drawings, by `espalier report`; a link to it in the notebook."""
     extra = stage.parent / "extra"
@@ -155,7 +190,7 @@ def main():
     p.add_argument("--doxygen", type=Path, required=True, help="folder of Doxygen's XML")
     a = p.parse_args()
     kept = set()
-    copy_tree(a.stage, kept)
+    copy_tree(a.stage, kept, a.binary)
     report(a.binary, a.stage, kept)
     sections, complaints = model_keys.collect()
     if complaints:

@@ -14,6 +14,7 @@
 #include "bindings.hpp"
 #include "espalier/dynamics.hpp"
 #include "host.hpp"
+#include "simulation_summary.hpp"
 #include "turns.hpp"
 
 namespace espalier::python {
@@ -99,87 +100,6 @@ nb::tuple fields(SimulationFrame f) {
                         array_of(std::move(f.von_mises), {cells}));
 }
 
-nb::dict fields(const SimulationSummary& s) {
-  nb::dict d;
-  d["title"] = s.title;
-  d["method"] = s.method;
-  d["interrupted"] = s.interrupted;
-  d["stopped_by"] = s.stopped_by;
-  d["bodies"] = s.bodies;
-  d["joints"] = s.joints;
-  d["forces"] = s.forces;
-  d["velocities"] = s.velocities;
-  d["constraints"] = s.constraints;
-  d["degrees_of_freedom"] = s.degrees_of_freedom;
-  d["redundant"] = s.redundant;
-  d["notices"] = s.notices;
-  d["t_begin"] = s.t_begin;
-  d["t_end"] = s.t_end;
-  d["steps"] = s.steps;
-  d["newton_iterations"] = s.newton_iterations;
-  d["failures"] = s.error_failures + s.newton_failures;
-  d["residuals"] = s.residuals;
-  d["tangents"] = s.tangents;
-  d["analyses"] = s.analyses;
-  d["factorizations"] = s.factorizations;
-  d["solves"] = s.solves;
-  d["statics_residual"] = s.statics_residual;
-  d["statics_backward_error"] = s.statics_backward_error;
-  d["turned"] = s.turned;
-  nb::list events, modes, critical, growth, whirl, standing;
-  for (const SimulationEvent& e : s.events) events.append(nb::make_tuple(e.name, e.t));
-  for (const SimulationMode& m : s.modes) {
-    modes.append(nb::make_tuple(m.frequency, m.damping_ratio));
-    growth.append(m.growth);
-    whirl.append(m.whirl);
-    standing.append(m.standing_frequency);
-  }
-  for (const SimulationCritical& c : s.critical) critical.append(nb::make_tuple(c.load, c.limit));
-  d["events"] = events;
-  d["modes"] = modes;
-  d["mode_growth"] = growth;
-  d["mode_whirl"] = whirl;
-  d["mode_standing_frequency"] = standing;
-  d["critical"] = critical;
-  d["energy_begin"] = nb::make_tuple(s.energy_begin.kinetic, s.energy_begin.potential);
-  d["energy_end"] = nb::make_tuple(s.energy_end.kinetic, s.energy_end.potential);
-  d["energy_work"] = s.energy_work;
-  d["energy_gain"] = s.energy_gain;
-  d["seconds"] = s.phases.total;
-  d["device"] = s.device;
-  d["kind"] = s.kind;
-  nb::dict values;
-  for (const auto& [name, value] : s.values) values[name.c_str()] = value;
-  d["values"] = values;
-  nb::list envelopes, mode_values;
-  const auto extreme = [](const SimulationExtreme& x) {
-    nb::dict out;
-    out["value"] = x.value;
-    out["t"] = x.t;
-    if (x.body.empty()) return out;
-    out["body"] = x.body;
-    if (x.node != 0) out["node"] = x.node;
-    out["place"] = nb::make_tuple(x.place[0], x.place[1], x.place[2]);
-    return out;
-  };
-  for (const SimulationEnvelope& e : s.envelopes) {
-    nb::dict envelope;
-    envelope["quantity"] = e.quantity;
-    envelope["largest"] = extreme(e.largest);
-    envelope["least"] = extreme(e.least);
-    envelopes.append(envelope);
-  }
-  for (const SimulationMode& m : s.modes) {
-    nb::dict of_mode;
-    for (const auto& [name, value] : m.values) of_mode[name.c_str()] = value;
-    mode_values.append(of_mode);
-  }
-  d["envelopes"] = envelopes;
-  d["mode_values"] = mode_values;
-  d["files"] = s.files;
-  return d;
-}
-
 }  // namespace
 
 void bind_simulation(nb::module_& m) {
@@ -263,7 +183,7 @@ void bind_simulation(nb::module_& m) {
              return list;
            })
       .def("summary",
-           [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.summary(); })); });
+           [](SimulationHandle& s) { return summary_dict(s.look([](Simulation& sim) { return sim.summary(); })); });
 }
 
 }  // namespace espalier::python

@@ -1,14 +1,14 @@
 """The simulator: models, runs, and motions that a program steps through."""
 
 import os
-from dataclasses import dataclass, field
 from typing import Any, Callable, Iterable, Mapping, NamedTuple
 
 from . import _checks, _core
 from ._errors import make_error
-from ._page import Shown, write_page
-from ._pictures import Cells, Frame, animation, grid, plotter
+from ._page import Shown
+from ._pictures import Cells, Frame, grid
 from ._progress import UNWATCHED, Asked, Bar, wanted, watching
+from ._result import Result, Summary
 from ._toml import toml_of
 
 
@@ -207,140 +207,17 @@ def model_of(given: "Model | Mapping[str, Any] | str | os.PathLike[str]") -> Mod
     return Model.load(_checks.path(given, "model"))
 
 
-@dataclass(frozen=True)
-class Result:
-    """What a run came to. t: (steps + 1,) times, or load factors; names and values (steps + 1, len(names)): the chosen
-    quantities; summary: everything that is known of the run, by name; cells and frames: pictures of the bodies, where
-    Simulation(frames=...) asked for them."""
-
-    t: Any
-    names: "list[str]"
-    values: Any
-    summary: "dict[str, Any]"
-    cells: "Cells | None" = None
-    frames: "tuple[Frame, ...]" = ()
-    _page: "Callable[[], str] | str | None" = field(default=None, repr=False, compare=False)
-
-    def __getstate__(self) -> "dict[str, Any]":  # the simulation stays in its process, its page goes along
-        return {**self.__dict__, "_page": self._page() if callable(self._page) else self._page}
-
-    def to_html(self, path: "str | os.PathLike[str] | None" = None) -> str:
-        """The page of the run (docs/guide/see.md): scene, plots and summary in one text of HTML that needs nothing else;
-        with a path it is written there, too. Of a simulation that went on since, it shows that."""
-        if self._page is None:
-            raise ValueError("no page was kept: leave page=False out of run() or Simulation(); sweep() takes page=True")
-        text = self._page() if callable(self._page) else self._page
-        if path is not None:
-            write_page(text, _checks.path(path, "path"))
-        return text
-
-    def show(self, *, height: int = 640) -> Shown:
-        """The page: in a notebook in the cell, else in a browser."""
-        return Shown(self.to_html(), _checks.whole(height, "height", 100, 10_000))
-
-    def __getitem__(self, name: str) -> Any:
-        """One quantity over time, (steps + 1,), or the three columns of a vector, (steps + 1, 3)."""
-        if name in self.names:
-            return self.values[:, self.names.index(name)]
-        parts = [f"{name}.{c}" for c in "xyz"]
-        if all(p in self.names for p in parts):
-            return self.values[:, [self.names.index(p) for p in parts]]
-        raise KeyError(f"{name!r} was not chosen; there are {', '.join(self.names) or 'none'}: give quantities=[...]")
-
-    def __contains__(self, name: str) -> bool:
-        return name in self.names
-
-    def to_pandas(self) -> Any:
-        """A pandas.DataFrame with the times as index."""
-        import pandas
-
-        return pandas.DataFrame(self.values, index=pandas.Index(self.t, name="t"), columns=self.names)
-
-    def to_xarray(self) -> Any:
-        """An xarray.Dataset over the dimension t."""
-        import xarray
-
-        return xarray.Dataset({n: ("t", self.values[:, k]) for k, n in enumerate(self.names)}, {"t": self.t})
-
-    def _frames(self) -> "tuple[Cells, list[Frame]]":
-        if self.cells is None or not self.frames:
-            raise ValueError("no pictures were kept: give frames=0.01, an interval of time, to run() or Simulation()")
-        return self.cells, list(self.frames)
-
-    def _frame(self, t: "float | None") -> "tuple[Cells, Frame]":
-        cells, frames = self._frames()
-        return cells, frames[-1] if t is None else min(frames, key=lambda f: abs(f.t - t))
-
-    def mesh(self, t: "float | None" = None) -> Any:
-        """The bodies as a pyvista.UnstructuredGrid, as they were in the kept frame nearest to t (None: the last): point
-        data displacement, velocity; cell data body (its place in cells.bodies), von_mises; field data t."""
-        return grid(*self._frame(t))
-
-    def meshes(self) -> Any:
-        """All kept frames as a pyvista.MultiBlock, a block for each, named by its time."""
-        from ._pictures import _pyvista
-
-        cells, frames = self._frames()
-        blocks = _pyvista().MultiBlock()
-        for frame in frames:
-            blocks.append(grid(cells, frame), f"t = {frame.t:.9g}")
-        return blocks
-
-    def picture(self, t: "float | None" = None, path: "str | os.PathLike[str] | None" = None, *,
-                scalars: "str | None" = "von_mises", size: "tuple[int, int]" = (800, 500), view: Any = None,
-                parallel: bool = True, **mesh: Any) -> Any:
-        """The kept frame nearest to t, drawn by PyVista without a window: an image of PIL, which notebooks show; with a
-        path (.png, .jpg, ...) it is written there, too. scalars: what is coloured ("von_mises", "velocity",
-        "displacement", "body", None). view: as Plotter.camera_position ("xy", "iso", ...). mesh: further options of
-        Plotter.add_mesh(). Raises ImportError without PyVista."""
-        cells, frame = self._frame(t)
-        scene, _ = plotter(cells, [frame], scalars, size, view, parallel, mesh)
-        try:
-            from PIL import Image
-
-            image = Image.fromarray(scene.screenshot(return_img=True))
-        finally:
-            scene.close()
-        if path is not None:
-            image.save(os.fspath(path))
-        return image
-
-    def animate(self, path: "str | os.PathLike[str] | None" = None, *, seconds: float = 3.0,
-                scalars: "str | None" = "von_mises", size: "tuple[int, int]" = (640, 400), view: Any = None,
-                parallel: bool = True, **mesh: Any) -> Any:
-        """All kept frames as an animation (.gif, .webp, .png) of that duration, with one scale of colours and one window;
-        without a path as an image that notebooks show. Options as for picture()."""
-        cells, frames = self._frames()
-        return animation(cells, frames, path, seconds, scalars, size, view, parallel, mesh)
-
-    def _repr_html_(self) -> str:
-        from html import escape
-
-        s = self.summary
-        facts = [("method", s["method"]), ("time", f"{s['t_begin']:g} to {s['t_end']:g} in {s['steps']} steps"),
-                 ("unknowns", f"{s['velocities']} + {s['constraints']} constraints"), ("took", f"{s['seconds']:.3g} s"),
-                 *(("event", f"{name} at {t:.6g}") for name, t in s["events"][:10]),
-                 *(("frequency", f"{frequency:.6g}, damping {100 * damping:.2g} %") for frequency, damping in s["modes"]),
-                 *(("redundant", text) for text in s["redundant"]), *(("notice", text) for text in s["notices"]),
-                 *((name, f"{value:.6g}") for name, value in s["values"].items())]
-        rows = "".join(f"<tr><th>{escape(str(k))}</th><td>{escape(str(v))}</td></tr>" for k, v in facts)
-        return f"<table><caption>{escape(str(s['title'] or 'Result'))}: show() for a scene and plots</caption>{rows}</table>"
-
-    def __repr__(self) -> str:
-        s = self.summary
-        return (f"<espalier.Result: {s['title']!r}, {s['method']}, t = {s['t_begin']:g} to {s['t_end']:g} in {s['steps']}"
-                f" steps, {s['seconds']:.3g} s>")
-
-
 class Simulation:
     """One motion of one model, made consistent and ready to go.
 
     model: a Model, a dictionary, or the path of a model file. set: values to be replaced, {"parameters.size": 2}. until:
     end instead of the model's. quantities: names ("rod.position.x", "rod.position", "energy.total") of what is kept at
-    every step, besides those of the model's [output]. out: folder for files. restart: a restart file to go on from.
-    frames: pictures of the bodies are kept at such intervals of time (or of the load factor; 0: at every step), for
-    Result.mesh(), picture(), animate(). analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
-    page: what Result.show() and to_html() need is kept, and with `out` index.html is written.
+    every step, besides those of the model's [output]; where neither names any, a usual set: positions and velocities of
+    the first six bodies, forces of the first six joints, energies (of more than 20,000 steps every second, fourth ...
+    one). out: folder for files. restart: a restart file to go on from.
+    frames: the meshes of the bodies are kept at such intervals of time (or of the load factor; 0: at every step), for
+    Result.frames and mesh(), which else have the surfaces of the page. analyses: a folder that keeps the orderings of Newton's matrices for other simulations of the same structure.
+    page: what Result.show(), to_html(), picture() and animate() need is kept, and with `out` index.html is written.
     Further options are those of the solver (device, threads, ...).
 
     Calls let other Python threads run. Ctrl-C ends a run after a step, or in a long factorization, with
@@ -414,7 +291,18 @@ class Simulation:
         """A quantity of the present state. Raises ValueError for unknown ones."""
         return self._core.value(_checks.text(quantity, "quantity"))
 
-    __getitem__ = value
+    def __getitem__(self, quantity: str) -> Any:
+        """value(quantity), or of a vector ("bob.position") its three components, (3,); a Result takes the same names."""
+        import numpy as np
+
+        try:
+            return self.value(quantity)
+        except ValueError:
+            try:
+                return np.array([self._core.value(f"{quantity}.{c}") for c in "xyz"])
+            except ValueError:
+                pass
+            raise
 
     @property
     def inputs(self) -> "dict[str, float]":
@@ -445,11 +333,10 @@ class Simulation:
     def result(self) -> Result:
         """What is known so far."""
         names, t, values = self._core.series()
-        page = self._core.page if self._page else None
-        if not self._frames:
-            return Result(t, names, values, self._core.summary(), _page=page)
-        return Result(t, names, values, self._core.summary(), Cells(*self._core.mesh()),
-                      tuple(Frame(*f) for f in self._core.frames()), page)
+        dimensions = self.quantities
+        kept = (Cells(*self._core.mesh()), tuple(Frame(*f) for f in self._core.frames())) if self._frames else None
+        return Result(t, names, values, Summary(self._core.summary()), {n: dimensions.get(n, "") for n in names}, kept,
+                      self._core.page if self._page else None)
 
     def mesh(self) -> Any:
         """The bodies as they are now, a pyvista.UnstructuredGrid as of Result.mesh()."""

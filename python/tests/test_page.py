@@ -47,9 +47,9 @@ def test_page_of_a_run_has_its_numbers(tmp_path):
 
 def test_page_has_plots_although_nobody_chose_quantities():
     result = espalier.Model(PENDULUM).run(progress=False)
-    assert result.names == []
-    assert data_of(result.to_html())["plots"]["names"] == [
-        "bob.position.x", "bob.position.y", "bob.position.z", "energy.kinetic", "energy.potential", "energy.total"]
+    vector = lambda name: [f"{name}.{c}" for c in "xyz"]
+    assert result.names == data_of(result.to_html())["plots"]["names"] == [
+        *vector("bob.position"), *vector("bob.velocity"), *vector("hinge.force"), "energy.kinetic", "energy.potential", "energy.total"]
 
 
 def test_model_is_shown_before_it_runs(quiet):
@@ -67,12 +67,21 @@ def test_notebook_gets_a_frame(monkeypatch):
     result = espalier.Model(PENDULUM).run(progress=False)
     shown = result.show(height=300)
     assert shown.path == ""
-    frame = shown._repr_html_()
-    assert frame.startswith("<iframe srcdoc=") and "height:300px" in frame
+    bundle = shown._repr_mimebundle_()
+    frame = bundle["text/html"]
+    assert "height:300px" in frame and "image/png" in bundle and "<page" in bundle["text/plain"]
     srcdoc = re.search(r'srcdoc="([^"]*)"', frame).group(1)
     import html
 
     assert html.unescape(srcdoc) == shown.text
+    # Where frames are taken out (GitHub) and where only pictures are kept (PDF) the scene is there as a picture.
+    left = re.sub(r"<iframe.*</iframe>", "", frame)
+    assert f'src="data:image/png;base64,{bundle["image/png"]}"' in left and "<script" not in left
+    import base64
+    import io
+
+    image = pytest.importorskip("PIL.Image").open(io.BytesIO(base64.b64decode(bundle["image/png"])))
+    assert image.size[0] > 500 and len(np.unique(np.asarray(image.convert("RGB")).reshape(-1, 3), axis=0)) > 50
     for wrong in (0, -1, "tall"):
         with pytest.raises((ValueError, TypeError)):
             result.show(height=wrong)

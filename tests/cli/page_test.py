@@ -1,7 +1,9 @@
 #!/usr/bin/env python3
 """The page of a run in a real browser, and `espalier view`. What it shows is held against quantities.csv."""
 
+import base64
 import csv
+import gzip
 import json
 import math
 import os
@@ -261,6 +263,85 @@ end = 1e-3
                 self.browser.open(page)
                 self.assertGreater(self.browser.run("espalier.pixels().drawn"), 100)
                 self.no_problems()
+
+    def test_2000_bodies(self):
+        many = "".join(f'[bodies.b{k}]\ntype = "rigid"\nmass = 1\ninertia = [0.1, 0.1, 0.1]\nposition = [{k % 50}, {k // 50}, 0]\n' for k in range(2000))
+        page = self.simulated(f"gravity = [0, 0, -9.81]\n{many}[integrator]\nend = 1e-3\n[output]\nenergies = false\nconstraints = false\n")
+        self.browser.open(page)
+        self.assertGreater(self.browser.run("espalier.pixels().drawn"), 1000)
+        self.assertEqual(self.browser.run("espalier.bodies.length"), 2000)
+        self.no_problems()
+
+    def test_pages_without_frames_with_one_and_without_numbers(self):
+        text, b = self.simulated(CRANK).read_text(encoding="utf-8"), self.browser
+        data = json.loads(re.search(r'id="data">(.*?)</script>', text, re.S).group(1))
+        frames = data["scene"]["frames"]
+
+        def page(name, scene, change=lambda text: text):
+            changed = json.dumps({**data, "scene": {**data["scene"], **scene}}).replace("<", "\\u003c")
+            head, rest = text.split('id="data">', 1)
+            path = self.folder / name
+            path.write_text(change(head + 'id="data">' + changed + rest[rest.index("</script>"):]), encoding="utf-8")
+            return path
+
+        def no_number(text):  # 65535 in all places of all frames
+            for piece in {frame["piece"] for frame in frames}:
+                start = text.index(f'id="piece{piece}">') + len(f'id="piece{piece}">')
+                end = text.index("</script>", start)
+                size = len(gzip.decompress(base64.b64decode(text[start:end])))
+                text = text[:start] + base64.b64encode(gzip.compress(b"\xff" * size)).decode() + text[end:]
+            return text
+
+        for name, path in (("none", page("none.html", {"frames": []})), ("one", page("one.html", {"frames": frames[:1]})),
+                           ("nan", page("nan.html", {}, no_number))):
+            with self.subTest(name):
+                b.open(path)
+                for field in ("bodies", "displacement", "von_mises"):
+                    b.run(f"espalier.select('field', '{field}')")
+                b.run("espalier.setTime(0.2)")
+                b.run("document.body.dispatchEvent(new KeyboardEvent('keydown', {key: 'End', bubbles: true}))")
+                self.assertEqual(b.run("espalier.times.length"), {"none": 0, "one": 1}.get(name, len(frames)))
+                if name != "nan":
+                    self.assertGreater(b.run("espalier.pixels().drawn"), 1000)
+                self.assertTrue(b.run("document.getElementById('trouble').hidden"))
+                self.no_problems()
+
+    def test_supports_and_pressures_have_marks(self):
+        text = """[bodies.bar]
+type = "solid"
+mesh = { part = "block", lx = 0.4, ly = 0.04, lz = 0.05, divisions = [8, 1, 1], element = "hex20" }
+material = { young = 2e11, poisson = 0.3, density = 7800 }
+[supports.wall]
+body = "bar"
+face = "x0"
+hold = "all"
+[forces.wind]
+type = "pressure"
+body = "bar"
+face = "z1"
+pressure = 1e4
+[statics]
+[output]
+quantities = ["wall.force", "wall.moment"]
+"""
+        page, b = self.simulated(text), self.browser
+        b.open(page)
+        marks = b.run("JSON.parse(document.getElementById('data').textContent).scene.marks")
+        self.assertEqual([(m["name"], m["what"], m["kind"], m["between"]) for m in marks],
+                         [("wind", "force", "pressure", ["bar"]), ("wall", "support", "support", ["bar"])])
+        b.run("espalier.setTime(1)")
+        force = [b.run(f"espalier.mark('{name}').force") for name in ("wind", "wall")]
+        head, rows = rows_of(page.parent / "quantities.csv")
+        at = head.index("wall.force.x")
+        for i, truth in enumerate((0, 0, -1e4 * 0.4 * 0.04)):  # p A, downwards
+            self.assertAlmostEqual(force[0][i], truth, delta=0.2)
+            self.assertAlmostEqual(force[1][i], rows[-1][at + i], delta=0.2)
+            self.assertAlmostEqual(force[1][i], -truth, delta=0.2)
+        for i, (wind, wall) in enumerate(zip((0.2, 0.02, 0.05), (0, 0.02, 0.025))):
+            self.assertAlmostEqual(b.run("espalier.mark('wind').at")[i], wind, delta=1e-3)
+            self.assertAlmostEqual(b.run("espalier.mark('wall').at")[i], wall, delta=1e-3)
+        self.assertGreater(b.run("espalier.pixels().colours"), 50)
+        self.no_problems()
 
     def test_failed_run_has_a_page(self):
         model = self.file("model.toml", CRANK.replace("end = 0.5", "end = 0.5\nmin_step = 0.01\ninitial_step = 0.01"))

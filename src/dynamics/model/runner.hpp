@@ -41,7 +41,8 @@ class Runner {
   [[nodiscard]] std::string save();
   void restore(std::string_view state);
   [[nodiscard]] std::vector<SimulationQuantity> all_quantities() { return list_quantities(*mechanism_); }
-  [[nodiscard]] const SimulationSeries& series() const { return series_; }
+  /// Of the chosen quantities, or of a usual set where none was chosen and a page is kept.
+  [[nodiscard]] const SimulationSeries& series();
   /// Pictures in memory: of the run, of the present state; made at the first call.
   [[nodiscard]] KeptFrames& kept_frames();
   [[nodiscard]] SimulationFrame frame();
@@ -157,9 +158,11 @@ class Runner {
   SimulationSeries series_;
   std::unique_ptr<KeptFrames> frames_;
   std::unique_ptr<page::LivePage> page_;
-  std::vector<Quantity> page_quantities_;  // of a page, where nobody has chosen any
-  std::vector<char> dropped_at_start_;     // constraint rows, m marks
-  bool going_ = false;                     // go() was called, and the files have not been ended
+  std::vector<Quantity> usual_quantities_;  // where nobody has chosen any
+  page::Rows usual_rows_;
+  SimulationSeries usual_series_;       // what series() returned
+  std::vector<char> dropped_at_start_;  // constraint rows, m marks
+  bool going_ = false;                  // go() was called, and the files have not been ended
   State state_, shown_;
   State reference_;       // displacements in pictures count from it: a restarted run must find the same
   Options modes_solver_;  // of initial.modes

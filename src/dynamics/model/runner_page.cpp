@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <complex>
+#include <set>
 
 #include "base/stopwatch.hpp"
 #include "dynamics/model/runner.hpp"
@@ -12,16 +13,21 @@ namespace espalier::dynamics::model {
 
 namespace {
 
-/// Something to plot: where the first bodies are, and energies.
+/// Something to look at: where the first bodies are, energies, forces of the first joints.
 std::vector<Quantity> usual_quantities(Mechanism& mechanism) {
-  constexpr std::size_t kMostBodies = 6;
+  constexpr std::size_t kMost = 6;
   std::vector<std::string> requests;
-  for (std::size_t b = 0; b < std::min(kMostBodies, mechanism.bodies.size()); ++b)
-    requests.push_back(mechanism.bodies[b].spec.name + ".position");
+  for (std::size_t b = 0; b < std::min(kMost, mechanism.bodies.size()); ++b)
+    for (const char* what : {".position", ".velocity"}) requests.push_back(mechanism.bodies[b].spec.name + what);
+  for (std::size_t j = 0; j < std::min(kMost, mechanism.joints.size()); ++j)
+    requests.push_back(mechanism.joints[j]->name() + ".force");
   for (const char* energy : {"energy.kinetic", "energy.potential", "energy.total"}) requests.emplace_back(energy);
+  std::set<std::string> known;  // velocities are not, in linear statics
+  for (SimulationQuantity& q : list_quantities(mechanism)) known.insert(std::move(q.name));
   std::vector<Quantity> all;
   for (const std::string& request : requests)
-    for (Quantity& q : find_quantities(mechanism, request, {})) all.push_back(std::move(q));
+    if (known.contains(request) || known.contains(request + ".x"))
+      for (Quantity& q : find_quantities(mechanism, request, {})) all.push_back(std::move(q));
   return all;
 }
 
@@ -34,8 +40,13 @@ void Runner::begin_page(const Sample& s, const State& initial) {
     page_ = std::make_unique<page::LivePage>(*mechanism_, model_, in_folder ? options_.out : "",
                                              s.load ? 0 : summary_.t_begin, end_time(), model_.output.vtu_interval);
     std::vector<std::string> names = files_->columns();
-    if (names.empty() && quantities_.empty()) page_quantities_ = usual_quantities(*mechanism_);
-    for (const Quantity& q : page_quantities_) names.push_back(q.name);
+    if (quantities_.empty() && (names.empty() || options_.keep_series)) {
+      usual_quantities_ = usual_quantities(*mechanism_);
+      std::vector<std::string> usual;
+      for (const Quantity& q : usual_quantities_) usual.push_back(q.name);
+      if (names.empty()) names = usual;
+      usual_rows_.begin(std::move(usual));
+    }
     page_->rows().begin(std::move(names));
     page_->film().begin(s, initial);
   }
@@ -48,10 +59,11 @@ void Runner::show(const Sample& s) {
   if (!page_) return;
   bool due = false;
   try {
-    if (!page_quantities_.empty()) {
+    if (!usual_quantities_.empty() && !usual_rows_.ends_at(s.time())) {
       std::vector<double> row;
-      for (const Quantity& q : page_quantities_) row.push_back(q.value(s));
-      page_->rows().add(s.time(), row);
+      for (const Quantity& q : usual_quantities_) row.push_back(q.value(s));
+      usual_rows_.add(s.time(), row);
+      if (files_->columns().empty()) page_->rows().add(s.time(), row);
     }
     due = page_->step(s);
   } catch (const std::bad_alloc&) {
@@ -60,6 +72,12 @@ void Runner::show(const Sample& s) {
     summary_.notices.emplace_back("the page of the run was given up: there is no memory for it");
   }
   if (due) write_page({}, true);
+}
+
+const SimulationSeries& Runner::series() {
+  if (!options_.keep_series || usual_quantities_.empty()) return series_;
+  usual_series_ = usual_rows_.series();
+  return usual_series_;
 }
 
 void Runner::show_shapes() {

@@ -64,6 +64,7 @@ void Runner::restore(std::string_view state) {
   series_.values.resize(static_cast<std::size_t>(kept) * series_.names.size());
   if (options_.frame_interval >= 0) kept_frames().restore(sample(last_report_).pictured());
   if (page_) page_->restore(sample(last_report_));
+  usual_rows_.restore(time());
   finish();
 }
 

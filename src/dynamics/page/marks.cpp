@@ -19,10 +19,14 @@ std::string body_name(const model::MarkerSpec& marker, const model::Description&
   return named == model.markers.end() ? marker.reference : named->second.body;
 }
 
+std::vector<std::string> body_names(const std::vector<model::MarkerSpec>& frames, const model::Description& model) {
+  std::vector<std::string> names;
+  for (const model::MarkerSpec& frame : frames) names.push_back(body_name(frame, model));
+  return names;
+}
+
 std::string mark_json(const std::string& name, const char* what, const std::string& kind,
-                      const std::vector<model::MarkerSpec>& frames, const model::Description& model) {
-  std::vector<std::string> between;
-  for (const model::MarkerSpec& frame : frames) between.push_back(body_name(frame, model));
+                      const std::vector<std::string>& between) {
   JsonObject mark;
   mark.text("name", name).text("what", what).text("kind", kind).raw("between", json_texts(between));
   return mark.done();
@@ -36,7 +40,7 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
     std::vector<model::MarkerSpec> frames;
     for (const model::JointSpec& spec : model.joints)
       if (spec.name == joint->name()) frames = spec.frames;
-    marks.push_back(mark_json(joint->name(), "joint", joint->kind(), frames, model));
+    marks.push_back(mark_json(joint->name(), "joint", joint->kind(), body_names(frames, model)));
   }
   for (const model::BuiltForce& built : mechanism.forces) {
     std::string kind = "force";
@@ -46,10 +50,22 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
         frames = spec.frames;
         kind = model::force_type_names()[static_cast<std::size_t>(spec.type)];
       }
-    marks.push_back(mark_json(built.force->name(), "force", kind, frames, model));
+    marks.push_back(mark_json(built.force->name(), "force", kind, body_names(frames, model)));
+  }
+  for (const FacePressure* pressure : mechanism.pressures) {
+    std::vector<std::string> on;
+    for (const model::ForceSpec& spec : model.forces)
+      if (spec.name == pressure->name()) on = {spec.body};
+    const model::BuiltBody* body = on.empty() ? nullptr : mechanism.body(on[0]);
+    pressed_.push_back(body == nullptr || body->reduced != nullptr ? nullptr : body);
+    marks.push_back(mark_json(pressure->name(), "force", "pressure", on));
+  }
+  for (const Support* support : mechanism.supports) {
+    reactions_.push_back({support, reaction_of(*support, false), reaction_of(*support, true)});
+    marks.push_back(mark_json(support->name(), "support", "support", {support->body().name()}));
   }
   for (const model::BuiltContact& contact : mechanism.surface_contacts)
-    marks.push_back(mark_json(contact.name, "contact", "contact", {}, model));
+    marks.push_back(mark_json(contact.name, "contact", "contact", {}));
   count_ = static_cast<Index>(marks.size());
   json_ = json_list(marks);
 }
@@ -69,12 +85,47 @@ void Marks::place(const StateView& s, const StateView& end, std::vector<double>&
     const Wrench wrench = built.force->applied(s, built.side);
     for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) push(x, out);
   }
+  place_pressures(s, out);
+  place_supports(s, out);
   for (const model::BuiltContact& contact : mechanism_.surface_contacts) {
     const contact::ContactReport report = contact.report(end);
     const double square = report.force.squaredNorm();
     // The point of the force's line that is next to the origin; the page moves it along the line.
     const Vec3 on_line = square > 0 ? Vec3(report.force.cross(report.moment) / square) : Vec3(Vec3::Constant(kNone));
     for (const Vec3& x : {on_line, on_line, Vec3(Vec3::Zero()), report.force, Vec3(Vec3::Zero())}) push(x, out);
+  }
+}
+
+// The sum of what it does to the nodes, at their mean weighted by it.
+void Marks::place_pressures(const StateView& s, std::vector<double>& out) const {
+  std::vector<double> residual;
+  for (std::size_t k = 0; k < pressed_.size(); ++k) {
+    Vec3 force = Vec3::Zero(), place = Vec3::Zero();
+    double weight = 0;
+    if (pressed_[k] != nullptr) {
+      const FlexibleBody& body = *pressed_[k]->flexible;
+      residual.assign(s.v.size(), 0);
+      mechanism_.pressures[k]->residual(s, residual);
+      for (Index vertex = 0; vertex < body.vertices(); vertex += body.vertices_per_node()) {
+        const Vec3 f = -Eigen::Map<const Vec3>(residual.data() + body.coordinate(vertex));
+        force += f;
+        weight += f.norm();
+        place += f.norm() * Eigen::Map<const Vec3>(s.q.data() + body.configuration(vertex));
+      }
+    }
+    place /= weight;  // no number where nothing acts
+    for (const Vec3& x : {place, place, Vec3(Vec3::Zero()), force, Vec3(Vec3::Zero())}) push(x, out);
+  }
+}
+
+void Marks::place_supports(const StateView& s, std::vector<double>& out) const {
+  for (const Reaction& reaction : reactions_) {
+    Vec3 place = Vec3::Zero();
+    for (const Index vertex : reaction.support->places())
+      place += Eigen::Map<const Vec3>(s.q.data() + reaction.support->body().configuration(vertex));
+    place /= static_cast<double>(reaction.support->places().size());
+    for (const Vec3& x : {place, place, Vec3(Vec3::Zero()), reaction.force->value(s), reaction.moment->value(s)})
+      push(x, out);
   }
 }
 

@@ -12,7 +12,8 @@ namespace espalier::dynamics::page {
 class Marks {
  public:
   Marks(const model::Mechanism& mechanism, const model::Description& model);
-  /// [{"name", "what": "joint", "kind": "revolute", "between": ["rod", "piston"]}, ...] in the order of place().
+  /// [{"name", "what": "joint", "kind": "revolute", "between": ["rod", "piston"]}, ...] in the order of place():
+  /// joints, forces, pressures (what: "force"), supports, contacts.
   [[nodiscard]] const std::string& json() const { return json_; }
   [[nodiscard]] Index count() const { return count_; }
   /// Appends, for each: its places on the first and on the second body, its axis, force and moment on the second one;
@@ -23,7 +24,16 @@ class Marks {
   [[nodiscard]] std::string ground_json() const;
 
  private:
+  struct Reaction {
+    const Support* support;
+    VectorFunctionPtr force, moment;
+  };
+  void place_pressures(const StateView& s, std::vector<double>& out) const;
+  void place_supports(const StateView& s, std::vector<double>& out) const;
+
   const model::Mechanism& mechanism_;
+  std::vector<const model::BuiltBody*> pressed_;  // of each pressure; null: what its coordinates are is not known
+  std::vector<Reaction> reactions_;
   std::string json_;
   Index count_ = 0;
 };

@@ -40,15 +40,20 @@ void Rows::restore(double t) {
   if (!last_.empty() && last_[0] > t) last_.clear();
 }
 
-std::vector<double> Rows::columns() const {
-  std::vector<double> t = t_, values = values_;
-  if (!last_.empty() && !t.empty() && t.back() != last_[0]) {
-    t.push_back(last_[0]);
-    values.insert(values.end(), last_.begin() + 1, last_.end());
+SimulationSeries Rows::series() const {
+  SimulationSeries out{names_, t_, values_};
+  if (!last_.empty() && !t_.empty() && t_.back() != last_[0]) {
+    out.t.push_back(last_[0]);
+    out.values.insert(out.values.end(), last_.begin() + 1, last_.end());
   }
-  std::vector<double> out = t;
+  return out;
+}
+
+std::vector<double> Rows::columns() const {
+  const SimulationSeries all = series();
+  std::vector<double> out = all.t;
   for (std::size_t c = 0; c < names_.size(); ++c)
-    for (std::size_t row = 0; row < t.size(); ++row) out.push_back(values[row * names_.size() + c]);
+    for (std::size_t row = 0; row < all.t.size(); ++row) out.push_back(all.values[row * names_.size() + c]);
   return out;
 }
 

@@ -15,11 +15,13 @@ class Rows {
   /// One number for each name. Of too many rows every second one is dropped from then on.
   void add(double t, const std::vector<double>& values);
   void restore(double t);  ///< later rows go
+  [[nodiscard]] bool ends_at(double t) const { return !last_.empty() && last_[0] == t; }
   [[nodiscard]] bool empty() const { return t_.empty(); }
   [[nodiscard]] const std::vector<std::string>& names() const { return names_; }
   [[nodiscard]] long stride() const { return stride_; }  ///< of every so many, one is there
   /// Times, then the values of each name; the last row that was added is always there.
   [[nodiscard]] std::vector<double> columns() const;
+  [[nodiscard]] SimulationSeries series() const;  ///< the same, row by row
 
  private:
   void thin_out();

@@ -45,6 +45,7 @@ class App {
       this.stage = new Stage(byId('canvas'), this.film, this.data.gravity);
     } catch (error) {
       this.trouble(`The scene cannot be drawn, since this browser has no WebGL (${error.message}). Plots and summary are below.`);
+      byId('stage').hidden = document.querySelector('#scene .tools').hidden = true;
       return;
     }
     const {stage, film} = this;

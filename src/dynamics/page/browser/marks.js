@@ -1,5 +1,5 @@
 // Joints, and arrows of forces and moments.
-const kMarkColours = {joint: 0xe0a100, force: 0xd2362b, contact: 0x8a3ffc, moment: 0x00897b};
+const kMarkColours = {joint: 0xe0a100, force: 0xd2362b, contact: 0x8a3ffc, moment: 0x00897b, support: 0x2e9e5b};
 
 class Marks {
   constructor(stage, film, marks) {
@@ -10,12 +10,13 @@ class Marks {
     this.most = this.largest('force');
     this.mostMoment = this.largest('moment');
     const shapes = {ball: new THREE.SphereBufferGeometry(0.7, 14, 10), pin: new THREE.CylinderBufferGeometry(0.55, 0.55, 3, 14),
-      block: new THREE.BoxBufferGeometry(1.2, 2.6, 1.2), cube: new THREE.BoxBufferGeometry(1.3, 1.3, 1.3)};
-    this.glyphs = Object.entries(shapes).map(([name, geometry]) => ({name, mesh: this.many(geometry, kMarkColours.joint, marks.length)}));
+      block: new THREE.BoxBufferGeometry(1.2, 2.6, 1.2), cube: new THREE.BoxBufferGeometry(1.3, 1.3, 1.3), foot: new THREE.ConeBufferGeometry(1.1, 1.6, 4)};
+    this.glyphs = Object.entries(shapes).map(([name, geometry]) => ({name, mesh: this.many(geometry, kMarkColours[name === 'foot' ? 'support' : 'joint'], marks.length)}));
+    shapes.foot.translate(0, -0.8, 0);  // the tip is the place
     const shaft = new THREE.CylinderBufferGeometry(0.22, 0.22, 1, 10), head = new THREE.ConeBufferGeometry(0.62, 1.7, 14);
     shaft.translate(0, 0.5, 0);
     head.translate(0, -0.85, 0);  // the tip is the origin
-    this.arrows = ['joint', 'force', 'contact', 'moment'].map(kind => ({kind,
+    this.arrows = ['joint', 'force', 'contact', 'moment', 'support'].map(kind => ({kind,
       shaft: this.many(shaft, kMarkColours[kind], marks.length), head: this.many(head, kMarkColours[kind], 2 * marks.length)}));
     this.springs = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({color: kMarkColours.force}));
     this.springs.frustumCulled = false;
@@ -39,6 +40,7 @@ class Marks {
 
   static glyphOf(mark) {
     const kind = mark.kind;
+    if (mark.what === 'support') return 'foot';
     if (mark.what !== 'joint') return '';
     if (/revolute|cylindrical|rotation/.test(kind)) return 'pin';
     if (/prismatic|translation|planar/.test(kind)) return 'block';
@@ -67,7 +69,7 @@ class Marks {
       if (mark.what === 'contact' && force.length() > 0) at.addScaledVector(force.clone().normalize(), -at.dot(force.clone().normalize()));
       const glyph = Marks.glyphOf(mark);
       if (this.joints && glyph && Number.isFinite(at.x)) {
-        const turn = new THREE.Quaternion().setFromUnitVectors(upright, axis.length() > 0.5 ? axis.normalize() : upright);
+        const turn = new THREE.Quaternion().setFromUnitVectors(upright, axis.length() > 0.5 ? axis.normalize() : glyph === 'foot' ? stage.up : upright);
         put(this.glyphs.find(g => g.name === glyph).mesh, new THREE.Matrix4().compose(at, turn, new THREE.Vector3(size, size, size)));
       }
       if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && /spring|bushing|distance|link|revolute-spherical/.test(mark.kind))

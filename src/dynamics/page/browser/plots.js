@@ -1,6 +1,5 @@
 // Plots of quantities: against time, one another, or frequency.
-const kLines = [['#0b62c4', '#6cb0ff'], ['#c4480b', '#ff9c66'], ['#14733b', '#5fce8d'], ['#8a2fb8', '#d59bff'], ['#8a6d00', '#e6c74a'],
-  ['#b3261e', '#ff8a80'], ['#00757f', '#5fd3dd'], ['#5b6470', '#b6c0cc']];
+const lineColour = k => getComputedStyle(document.documentElement).getPropertyValue(`--s${k % 8 + 1}`).trim();  // base.css
 
 class Series {
   constructor(info, numbers) {
@@ -101,7 +100,7 @@ class Plot {
     const {low, high} = extremes(rows.map(row => row[0])), rim = 0.02 * (high - low || Math.abs(high) || 1);
     this.window = this.against.startsWith('q:') ? [low - rim, high + rim] : null;  // rows are not in the order of x there
     this.graph = new Dygraph(this.chart, rows, {
-      labels: ['x', ...this.names], colors: this.names.map((_, k) => kLines[k % kLines.length][dark ? 1 : 0]), legend: 'never', strokeWidth: 1.6,
+      labels: ['x', ...this.names], colors: this.names.map((_, k) => lineColour(k)), legend: 'never', strokeWidth: 1.6,
       xlabel: x, ylabel: this.label(), yLabelWidth: 16, xLabelHeight: 16, drawPoints: this.steps, pointSize: 2.4, highlightCircleSize: 3.5, logscale: this.logY, dateWindow: this.window,
       gridLineColor: line, axisLineColor: line, digitsAfterDecimal: 4, labelsKMB: false, connectSeparatedPoints: true,
       axes: {x: {logscale: this.logX && positive, axisLabelFormatter: value => shortNumber(value, 3), valueFormatter: value => shortNumber(value, 6)},

@@ -41,6 +41,10 @@ function publish(app) {
   window.espalier.nodes = name => { const body = bodyNamed(name); return [...film.labels.subarray(body.first, body.first + body.count)]; };
   window.espalier.pick = (name, node) => { app.pick(film.pointOf(bodyNamed(name), node)); return byId('picked').textContent; };
   window.espalier.select = async (id, value) => { byId(id).value = value; byId(id).dispatchEvent(new Event('change')); await app.work; };
+  window.espalier.mark = name => {
+    const k = app.data.scene.marks.findIndex(mark => mark.name === name), three = section => [...app.rows[section].subarray(3 * k, 3 * k + 3)];
+    return k < 0 || !app.rows ? null : {at: three('b'), force: three('force'), moment: three('moment')};
+  };
   window.espalier.pixels = () => countPixels(app.stage);
 }
 
