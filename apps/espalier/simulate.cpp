@@ -116,11 +116,13 @@ int SimulateCommand::simulate() {
   static_cast<void>(flags.options());  // names a wrong value before anything is read
   const auto result = [this](const char* name) { return options.out.empty() ? "" : options.out + "/" + name; };
   const std::string csv = result("quantities.csv"), series = result("motion.pvd"), state = result("state.restart");
+  const std::string frames = result("results.vtkhdf");
   const std::string page = options.page ? result("index.html") : "";
   check_outputs({{"the model", model},
                  {"--restart", options.restart},
                  {"quantities.csv of --out", csv},
                  {"motion.pvd of --out", series},
+                 {"results.vtkhdf of --out", frames},
                  {"state.restart of --out", state},
                  {"index.html of --out", page}},
                 {{"--report", report_file}, {"--trace", trace_file}});

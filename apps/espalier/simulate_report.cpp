@@ -120,6 +120,13 @@ std::string simulate_summary(const SimulationSummary& s) {
                       fmt::format("at {:g}{}", x.t, place_text(x))});
     text += extremes.text();
   }
+  if (!s.stress_peaks.empty()) {
+    Table peaks("<><");
+    for (const SimulationExtreme& x : s.stress_peaks)
+      peaks.add({"von Mises stress of " + x.body, fmt::format("{:.6g}", x.value),
+                 fmt::format("the largest at its surface, at {:g}, node {}", x.t, x.node)});
+    text += peaks.text();
+  }
   for (const std::string& file : s.files) text += fmt::format("  wrote {}\n", file);
   return text;
 }
@@ -219,15 +226,25 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
                  {"peak_bytes", s.peak_bytes}};
   j["values"] = Json::object();
   for (const auto& [name, value] : s.values) j["values"][name] = number(value);
+  const auto extreme = [&](const SimulationExtreme& x) {
+    Json out = {{"value", number(x.value)}, {"t", x.t}};
+    if (x.body.empty()) return out;
+    out["body"] = x.body;
+    if (x.node != 0) out["node"] = x.node;
+    out["place"] = x.place;
+    return out;
+  };
+  for (const SimulationExtreme& x : s.stress_peaks) j["stress_peaks"].push_back(extreme(x));
+  for (const SimulationPath& along : s.paths) {
+    Json path = {
+        {"name", along.name}, {"body", along.body}, {"t", along.t}, {"length", along.length}, {"places", along.places}};
+    const auto points = along.length.size();
+    for (std::size_t q = 0; q < along.quantities.size(); ++q)
+      for (std::size_t k = 0; k < points; ++k)
+        path["values"][along.quantities[q]].push_back(number(along.values[q * points + k]));
+    j["paths"].push_back(path);
+  }
   for (const SimulationEnvelope& e : s.envelopes) {
-    const auto extreme = [&](const SimulationExtreme& x) {
-      Json out = {{"value", number(x.value)}, {"t", x.t}};
-      if (x.body.empty()) return out;
-      out["body"] = x.body;
-      if (x.node != 0) out["node"] = x.node;
-      out["place"] = x.place;
-      return out;
-    };
     j["envelopes"].push_back({{"quantity", e.quantity}, {"largest", extreme(e.largest)}, {"least", extreme(e.least)}});
   }
   j["files"] = s.files;

@@ -94,6 +94,7 @@ SECTIONS = (
     ("[harmonic]: loads", "read_harmonic.cpp", "read_loads", (), (("Frequency response", "harmonic"),)),
     ("[harmonic]: amplitude of a part", "read_harmonic.cpp", "read_amplitude", (), (("Frequency response", "harmonic"),)),
     ("[output]", "read_model.cpp", "read_output", (), (("Results", "output"),)),
+    ("[output.paths.NAME]", "read_model.cpp", "read_path", ("PathSpec",), (("Results", "output"),)),
     ("[solver]", "read_model.cpp", "read_solver", (), ()),
 )
 

@@ -185,6 +185,16 @@ struct SimulationEnvelope {
   SimulationExtreme largest, least;
 };
 
+/// Values along a path through a body, at the end of the run, see [output.paths] of a model.
+struct SimulationPath {
+  std::string name, body;
+  std::vector<std::string> quantities;  ///< "stress.xx" ...
+  double t = 0;                         ///< time; load factor
+  std::vector<double> length;           ///< of the path up to each point
+  std::vector<double> places;           ///< 3 per point, in the coordinates of the mesh
+  std::vector<double> values;           ///< of all points, one quantity after the other; NaN beside the body
+};
+
 /// The highest amplitude of a quantity in the frequency response, see [harmonic] of a model.
 struct SimulationPeak {
   std::string load, quantity;
@@ -267,8 +277,11 @@ struct SimulationSummary {
   // Results
   std::vector<std::pair<std::string, double>> values;  ///< the chosen quantities at the end
   std::vector<SimulationEnvelope> envelopes;           ///< of [output] envelopes
-  std::vector<std::string> files;                      ///< written, csv, pvd, restart
-  long dumped = 0;                                     ///< matrices written
+  /// Of each solid: the largest von Mises stress at the nodes of its surface, in the pictures of the run's page.
+  std::vector<SimulationExtreme> stress_peaks;
+  std::vector<SimulationPath> paths;  ///< of [output.paths]
+  std::vector<std::string> files;     ///< written: csv, pictures, restart
+  long dumped = 0;                    ///< matrices written
 };
 
 /// One run of one model. Not safe for concurrent calls.

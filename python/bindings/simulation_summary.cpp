@@ -63,6 +63,21 @@ nb::dict extreme_dict(const SimulationExtreme& x) {
   return d;
 }
 
+nb::dict path_dict(const SimulationPath& p) {
+  nb::dict columns;
+  const std::size_t points = p.length.size();
+  for (std::size_t q = 0; q < p.quantities.size(); ++q) {
+    const auto from = p.values.begin() + static_cast<std::ptrdiff_t>(q * points);
+    columns[p.quantities[q].c_str()] = std::vector<double>(from, from + static_cast<std::ptrdiff_t>(points));
+  }
+  return dict_of({{"name", value_of(p.name)},
+                  {"body", value_of(p.body)},
+                  {"t", value_of(p.t)},
+                  {"length", value_of(p.length)},
+                  {"places", value_of(p.places)},
+                  {"values", columns}});
+}
+
 nb::dict energy_dict(const SimulationEnergy& e) {
   return dict_of({{"kinetic", value_of(e.kinetic)},
                   {"potential", value_of(e.potential)},
@@ -194,6 +209,8 @@ nb::dict summary_dict(const SimulationSummary& s) {
     return dict_of(
         {{"quantity", value_of(e.quantity)}, {"largest", extreme_dict(e.largest)}, {"least", extreme_dict(e.least)}});
   });
+  d["stress_peaks"] = list_of(s.stress_peaks, extreme_dict);
+  d["paths"] = list_of(s.paths, path_dict);
   d["files"] = s.files;
   d["matrices_written"] = s.dumped;
   return d;

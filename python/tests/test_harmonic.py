@@ -141,4 +141,4 @@ def test_of_a_model_text_with_its_own_section(tmp_path):
     np.testing.assert_array_equal(esp.Model.load(path).harmonic(points=11).response, found.response)
     result = model.run(out=tmp_path / "out", progress=False)
     assert result.summary["method"] == "harmonic"
-    assert (tmp_path / "out" / "harmonic.csv").exists() and (tmp_path / "out" / "harmonic_x.pvd").exists()
+    assert (tmp_path / "out" / "harmonic.csv").exists() and (tmp_path / "out" / "harmonic_x.vtkhdf").exists()

@@ -84,7 +84,7 @@ def test_statics_have_load_factors():
 
 def test_frames_are_those_of_the_files(tmp_path):
     pyvista = pytest.importorskip("pyvista")
-    result = esp.Simulation(ROOT / "models/chain.toml", set={"parameters.unknowns": 1000, "output.vtu_interval": 2e-4},
+    result = esp.Simulation(ROOT / "models/chain.toml", set={"parameters.unknowns": 1000, "output.vtu_interval": 2e-4, "output.format": "vtu"},
                             until=1e-3, frames=2e-4, out=tmp_path).run()
     files = sorted(tmp_path.glob("motion*.vtu"))
     assert len(files) == len(result.frames) == 6

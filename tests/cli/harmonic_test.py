@@ -133,7 +133,7 @@ shapes = [1]
         found = json.loads((out / "summary.json").read_text())
         self.assertEqual((found["integrator"]["method"], found["harmonic"]["frequencies"]), ("harmonic", 4))
         self.assertEqual(found["harmonic"]["peaks"][0]["frequency"], 2)
-        self.assertTrue((out / "harmonic_shaker.pvd").exists())
+        self.assertTrue((out / "harmonic_shaker.vtkhdf").exists())
 
     def test_a_model_on_a_resonance_is_exit_code_3_and_writes_the_rest(self):
         resonance = math.sqrt(400 / 2.5) / (2 * math.pi)

@@ -100,14 +100,20 @@ class Restart(Cli):
             self.assertEqual(content, expected[name], name)
 
     def test_killed_at_any_time_and_restarted_is_the_undisturbed_run(self):
-        whole = self.folder / "whole"
+        for style in ("vtkhdf", "vtu"):
+            with self.subTest(format=style):
+                self.model = self.file(f"{style}.toml", MODEL + f'format = "{style}"\n')
+                self.out = self.folder / style
+                self.killed_and_restarted(self.folder / f"whole_{style}", {"vtkhdf": "results.vtkhdf", "vtu": "motion_0_000005.vtu"}[style])
+
+    def killed_and_restarted(self, whole, pictures):
         started = time.monotonic()
         self.simulate("--out", whole)
         duration = time.monotonic() - started
         expected = self.results(whole)
-        self.assertIn("motion_0_000005.vtu", expected)
+        self.assertIn(pictures, expected)
         rng = random.Random(15)
-        kills = int(os.environ.get("ESPALIER_KILLS", "6"))
+        kills = int(os.environ.get("ESPALIER_KILLS", "4"))
         killed = ended = 0
         while killed < kills and ended <= kills:
             restart = ["--restart", self.out / "state.restart"] if (self.out / "state.restart").exists() else []
@@ -135,20 +141,29 @@ class Restart(Cli):
         self.expect_results(self.results(whole))
 
     def test_a_restart_that_dies_early_keeps_the_history(self):
+        for style, name in (("vtkhdf", "results.vtkhdf"), ("vtu", "motion.pvd")):
+            with self.subTest(format=style):
+                self.model = self.file(f"{style}.toml", MODEL + f'format = "{style}"\n')
+                self.out = self.folder / style
+                self.dies_early(name)
+
+    def dies_early(self, pictures):
         self.simulate("--out", self.out, "--until", 0.2)
         shutil.copy(self.out / "state.restart", self.folder / "early.restart")
         self.go_on()
         csv = (self.out / "quantities.csv").read_text()
-        series = (self.out / "motion.pvd").read_text()
+        series = (self.out / pictures).read_bytes()
         self.kill_after(0, "--restart", self.folder / "early.restart", steps=3)
         self.assertEqual((self.out / "quantities.csv").read_text(), csv)
-        self.assertEqual((self.out / "motion.pvd").read_text(), series)
+        self.assertEqual((self.out / pictures).read_bytes(), series)
         self.kill_after(0, "--restart", self.folder / "early.restart", steps=50)
         times = [float(line.split(",")[0]) for line in (self.out / "quantities.csv").read_text().splitlines()[1:]]
         self.assertEqual(times, sorted(set(times)))
         self.assertEqual(len(times), len(csv.splitlines()) - 1)
+        self.assertGreater((self.out / pictures).stat().st_size, 0.9 * len(series))  # the later ones are in it
         self.go_on()
         self.assertEqual((self.out / "quantities.csv").read_text(), csv)
+        self.assertEqual((self.out / pictures).read_bytes(), series)
 
     def test_a_line_that_was_cut_off_is_no_row(self):
         self.simulate("--out", self.out, "--until", 0.1)
@@ -201,7 +216,7 @@ class Restart(Cli):
 
     def test_the_report_must_not_replace_results(self):
         self.simulate("--out", self.out, "--until", 0.01)
-        for name in ("quantities.csv", "state.restart", "motion.pvd"):
+        for name in ("quantities.csv", "state.restart", "results.vtkhdf", "motion.pvd"):
             self.simulate("--out", self.out, "--report", self.out / name, code=2, says=("--report", name))
 
     def test_a_folder_that_cannot_be_written(self):

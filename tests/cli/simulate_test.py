@@ -124,7 +124,7 @@ class Simulate(Cli):
         self.assertEqual(report["integrator"]["method"], "statics")
         self.assertGreater(report["statics"]["steps"], 0)
         self.assertEqual(report["statics"]["critical"], [])
-        self.assertEqual([pathlib.Path(name).name for name in report["files"]], ["quantities.csv", "motion.pvd", "index.html"])
+        self.assertEqual([pathlib.Path(name).name for name in report["files"]], ["quantities.csv", "results.vtkhdf", "index.html"])
         rows = self.rows(out)
         self.assertEqual([rows[0]["time"], rows[-1]["time"]], [0, 2])
         self.assertAlmostEqual(rows[-1]["bob.position.y"], -1, delta=1e-9)
@@ -140,7 +140,7 @@ class Simulate(Cli):
             self.assertEqual(row["energy.total"], row["energy.kinetic"] + row["energy.potential"])
         self.assertEqual(report["values"]["bob.position.x"], rows[-1]["bob.position.x"])
         self.assertEqual(json.loads((out / "summary.json").read_text())["values"], report["values"])
-        self.assertEqual({pathlib.Path(f).name for f in report["files"]}, {"quantities.csv", "motion.pvd", "state.restart", "index.html"})
+        self.assertEqual({pathlib.Path(f).name for f in report["files"]}, {"quantities.csv", "results.vtkhdf", "state.restart", "index.html"})
 
     def test_set_and_until(self):
         report = self.report(PENDULUM, "--set", "parameters.length=4", "--until", 0.5, "--set=output.quantities=[\"bob.position\"]")
@@ -149,7 +149,7 @@ class Simulate(Cli):
 
     def test_series_for_paraview(self):
         out = self.folder / "out"
-        self.report(BLOCK, "--out", out)
+        self.report(BLOCK, "--out", out, "--set", "output.format=vtu")
         entries = list(xml.parse(out / "motion.pvd").getroot().iter("DataSet"))
         times = [float(entry.get("timestep")) for entry in entries]
         self.assertEqual(times[0], 0)
@@ -189,7 +189,7 @@ class Simulate(Cli):
 
     def test_restart_continues(self):
         whole, broken = self.folder / "whole", self.folder / "broken"
-        text = PENDULUM + "restart_interval = 0.1\n"
+        text = PENDULUM + "restart_interval = 0.1\nformat = \"vtu\"\n"
         one = self.report(text, "--out", whole)
         self.report(text, "--out", broken, "--until", 0.6)
         two = self.report(text, "--out", broken, "--restart", broken / "state.restart")

@@ -62,7 +62,7 @@ TEST(ModelEnds, FramesAreEvenlySpacedWhateverTheSteps) {
   const ScratchFolder folder;
   SimulationOptions options;
   options.out = folder.path();
-  options.set = {"output.vtu_interval=0.0625"};
+  options.set = {"output.vtu_interval=0.0625", "output.format=vtu"};
   static_cast<void>(simulated(kPendulum, options));
   const std::vector<double> times = frames(folder.path() + "/motion.pvd");
   ASSERT_EQ(times.size(), 17U);
@@ -147,7 +147,7 @@ end = 1
   const ScratchFolder folder;
   SimulationOptions options;
   options.out = folder.path();
-  options.set = {"output.vtu_interval=0.5"};
+  options.set = {"output.vtu_interval=0.5", "output.format=vtu"};
   const Simulation point = simulated(text, options), rigid = simulated(kPendulum);
   EXPECT_NEAR(point.value("bob.position.x"), rigid.value("bob.position.x"), 1e-7);
   EXPECT_NEAR(point.value("bob.position.y"), rigid.value("bob.position.y"), 1e-7);

@@ -487,6 +487,7 @@ TEST(ModelHarmonic, ARunWritesTableAndShapes) {
     const ScratchFolder folder;
     SimulationOptions o;
     o.out = folder.path();
+    o.set = {"output.format=vtu"};
     const Simulation s = simulated(whole, o);
     const SimulationSummary& summary = s.summary();
     EXPECT_EQ(summary.harmonic_points, 6);

@@ -62,7 +62,7 @@ TEST(RunFilesOfEarlierRuns, PicturesThatAreNotInTheSeriesAnyMoreAreRemoved) {
   const ScratchFolder folder;
   SimulationOptions options;
   options.out = folder.path();
-  options.set = {"output.vtu_interval=0.1", "integrator.end=1"};
+  options.set = {"output.vtu_interval=0.1", "integrator.end=1", "output.format=vtu"};
   static_cast<void>(simulated(kPendulum, options));
   std::ofstream(folder.path() + "/motion_0_999999.vtu") << "mine";
   const auto pictures = [&] {

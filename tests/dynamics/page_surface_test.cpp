@@ -124,13 +124,13 @@ void expect_stress(const std::string& body, const Move& move, const Truth& truth
     const Vec3 moved = move(Vec3(&s.q[k]));
     std::copy_n(moved.data(), 3, &s.q[k]);
   }
-  std::vector<double> von_mises, principal;
-  stress.evaluate(stress.positions(s), von_mises, principal);
+  const auto [von_mises, principal, strain] = stress.evaluate(stress.keep(s));
   ASSERT_EQ(von_mises.size(), drawn.labels().size());
   for (std::size_t k = 0; k < von_mises.size(); ++k) {
     const double expected = truth(Vec3(&rest.points[3 * k]));
     EXPECT_NEAR(principal[k], expected, 5) << body;
     EXPECT_NEAR(von_mises[k], std::abs(expected), 5) << body;
+    EXPECT_NEAR(2e11 * strain[k], expected, 5) << body;  // under stress along one axis
   }
 }
 

@@ -73,7 +73,8 @@ ESPALIER_INLINE void basis(const Gradients& dn, const double* x, Mat33& c) {
     }
 }
 
-/// Covariant strain, its rate, and their rows of B at one point for one component.
+/// Covariant strain, its rate, and their rows of B at one point for one component. Functions with kRows = false leave
+/// the rows as they are: most of the work, where strains alone are wanted.
 struct Sample {
   double strain, rate;
   Row b, b_rate;
@@ -93,6 +94,7 @@ ESPALIER_INLINE void fill_bases(const Gradients& dn, const double* x0, const dou
 }
 
 /// E_ij = (g_i . g_j - G_i . G_j) / 2, written with the displacement so that small strains keep their digits.
+template <bool kRows = true>
 ESPALIER_INLINE void sample(const Gradients& dn, const Bases& g, int component, Sample& s) {
   const int p = kRow[component], r = kCol[component];
   const double scale = p == r ? 0.5 : 1.0;
@@ -101,7 +103,7 @@ ESPALIER_INLINE void sample(const Gradients& dn, const Bases& g, int component, 
     s.strain += g.reference[i][p] * g.displacement[i][r] + g.displacement[i][p] * g.reference[i][r] +
                 g.displacement[i][p] * g.displacement[i][r];
     s.rate += g.current[i][p] * g.velocity[i][r] + g.velocity[i][p] * g.current[i][r];
-    for (int a = 0; a < kNodes; ++a) {
+    for (int a = 0; kRows && a < kNodes; ++a) {
       s.b[3 * a + i] = scale * (dn[p][a] * g.current[i][r] + dn[r][a] * g.current[i][p]);
       s.b_rate[3 * a + i] = scale * (dn[p][a] * g.velocity[i][r] + dn[r][a] * g.velocity[i][p]);
     }
@@ -153,14 +155,15 @@ ESPALIER_INLINE void fill_modes(const Mode* modes, int count, const double (&t0)
   }
 }
 
+template <bool kRows = true>
 ESPALIER_INLINE void to_cartesian(const double (&t)[6][6], const Sample (&cov)[6], PointData& p) {
   for (int m = 0; m < 6; ++m) {
     p.strain[m] = p.rate[m] = 0;
-    for (int d = 0; d < kDofs; ++d) p.b[m][d] = p.b_rate[m][d] = 0;
+    for (int d = 0; kRows && d < kDofs; ++d) p.b[m][d] = p.b_rate[m][d] = 0;
     for (int n = 0; n < 6; ++n) {
       p.strain[m] += t[m][n] * cov[n].strain;
       p.rate[m] += t[m][n] * cov[n].rate;
-      for (int d = 0; d < kDofs; ++d) {
+      for (int d = 0; kRows && d < kDofs; ++d) {
         p.b[m][d] += t[m][n] * cov[n].b[d];
         p.b_rate[m][d] += t[m][n] * cov[n].b_rate[d];
       }
@@ -169,6 +172,7 @@ ESPALIER_INLINE void to_cartesian(const double (&t)[6][6], const Sample (&cov)[6
 }
 
 /// Replaces the tied components by their interpolation.
+template <bool kRows = true>
 ESPALIER_INLINE void tie(const double (&weight)[8], const Sample (&tying)[8], Sample (&cov)[6]) {
   for (const int component : {2, 4, 5}) cov[component] = Sample{};
   for (int t = 0; t < 8; ++t) {
@@ -176,7 +180,7 @@ ESPALIER_INLINE void tie(const double (&weight)[8], const Sample (&tying)[8], Sa
     if (weight[t] == 0) continue;
     c.strain += weight[t] * tying[t].strain;
     c.rate += weight[t] * tying[t].rate;
-    for (int d = 0; d < kDofs; ++d) {
+    for (int d = 0; kRows && d < kDofs; ++d) {
       c.b[d] += weight[t] * tying[t].b[d];
       c.b_rate[d] += weight[t] * tying[t].b_rate[d];
     }

@@ -14,6 +14,7 @@ namespace {
 using namespace hex8;  // NOLINT(google-build-using-namespace): the other half of this file
 
 /// Volumetric strain -> its mean: row m of B += (1/3) (mean - trace) for the three normal components.
+template <bool kRows>
 ESPALIER_INLINE void average_dilatation(Element& e) {
   double volume = 0, strain = 0, rate = 0;
   Row b = {}, b_rate = {};
@@ -22,7 +23,7 @@ ESPALIER_INLINE void average_dilatation(Element& e) {
     for (int m = 0; m < 3; ++m) {
       strain += p.volume * p.strain[m];
       rate += p.volume * p.rate[m];
-      for (int d = 0; d < kDofs; ++d) {
+      for (int d = 0; kRows && d < kDofs; ++d) {
         b[d] += p.volume * p.b[m][d];
         b_rate[d] += p.volume * p.b_rate[m][d];
       }
@@ -32,14 +33,14 @@ ESPALIER_INLINE void average_dilatation(Element& e) {
     const double ds = (strain / volume - p.strain[0] - p.strain[1] - p.strain[2]) / 3;
     const double dr = (rate / volume - p.rate[0] - p.rate[1] - p.rate[2]) / 3;
     Row db, db_rate;
-    for (int d = 0; d < kDofs; ++d) {
+    for (int d = 0; kRows && d < kDofs; ++d) {
       db[d] = (b[d] / volume - p.b[0][d] - p.b[1][d] - p.b[2][d]) / 3;
       db_rate[d] = (b_rate[d] / volume - p.b_rate[0][d] - p.b_rate[1][d] - p.b_rate[2][d]) / 3;
     }
     for (int m = 0; m < 3; ++m) {
       p.strain[m] += ds;
       p.rate[m] += dr;
-      for (int d = 0; d < kDofs; ++d) {
+      for (int d = 0; kRows && d < kDofs; ++d) {
         p.b[m][d] += db[d];
         p.b_rate[m][d] += db_rate[d];
       }
@@ -81,7 +82,8 @@ ESPALIER_INLINE bool respond(const StrainMaterial& law, const Element& e, Respon
 
 /// Solves sum M^T S(E + M alpha) = 0 for alpha, starting from the linearisation at alpha = 0; `r` ends at the
 /// solution, its stiffness factored. Converged when the residual no longer falls below round-off of the stress.
-ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response& r) {
+/// @param strains_alone  only alpha is wanted, not `r`
+ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response& r, bool strains_alone = false) {
   constexpr int kMaxIterations = 30;
   std::fill_n(e.alpha, kMaxModes, 0.0);
   double previous = std::numeric_limits<double>::infinity();
@@ -96,6 +98,7 @@ ESPALIER_INLINE bool solve_modes(const StrainMaterial& law, Element& e, Response
     std::copy_n(r.residual, e.modes, step);
     cholesky_solve(r.stiffness, e.modes, step);
     for (int k = 0; k < e.modes; ++k) e.alpha[k] -= step[k];
+    if (strains_alone && law.linear()) return true;
     previous = norm;
   }
   return false;
@@ -206,7 +209,8 @@ ESPALIER_INLINE void add_geometric_tangent(Hex8Formulation formulation, const El
   geometric.write(weight, out.tangent);
 }
 
-/// Strains, B rows and enhanced modes of all points. @return false when the reference element is inverted
+/// Strains, B rows (kRows) and enhanced modes of all points. @return false when the reference element is inverted
+template <bool kRows = true>
 ESPALIER_INLINE bool prepare(Hex8Formulation formulation, const ElementInput& in, Element& e) {
   const Tables& table = tables();
   double u[kDofs], v[kDofs] = {};
@@ -217,7 +221,7 @@ ESPALIER_INLINE bool prepare(Hex8Formulation formulation, const ElementInput& in
   Sample tying[8], cov[6];
   for (int t = 0; t < 8 && shell; ++t) {
     fill_bases(table.tying[t], in.reference, u, v, g);
-    sample(table.tying[t], g, kTying[t].component, tying[t]);
+    sample<kRows>(table.tying[t], g, kTying[t].component, tying[t]);
   }
   Mat33 centre, inverse;
   double t0[6][6];
@@ -230,14 +234,14 @@ ESPALIER_INLINE bool prepare(Hex8Formulation formulation, const ElementInput& in
     fill_bases(table.points.gradient[q], in.reference, u, v, g);
     const double det = invert(g.reference, inverse);
     if (!(det > 0) || !(determinant(g.current) > 0)) return false;
-    for (int n = 0; n < 6; ++n) sample(table.points.gradient[q], g, n, cov[n]);
-    if (shell) tie(table.weight[q], tying, cov);
+    for (int n = 0; n < 6; ++n) sample<kRows>(table.points.gradient[q], g, n, cov[n]);
+    if (shell) tie<kRows>(table.weight[q], tying, cov);
     p.volume = table.points.weight[q] * det;
     strain_transform(inverse, p.t);
-    to_cartesian(p.t, cov, p);
+    to_cartesian<kRows>(p.t, cov, p);
     fill_modes(shell ? kShell : kEnhanced, e.modes, t0, det0 / det, table.xi[q], p);
   }
-  if (formulation == Hex8Formulation::mean_dilatation) average_dilatation(e);
+  if (formulation == Hex8Formulation::mean_dilatation) average_dilatation<kRows>(e);
   return true;
 }
 
@@ -294,8 +298,8 @@ bool sample_hex8(Hex8Formulation formulation, const Material& material, const do
                  ElementSamples& out) {
   Element e;
   Response r;
-  if (!prepare(formulation, {reference, position, nullptr}, e)) return false;
-  if (!solve_modes(StrainMaterial(material), e, r)) return false;
+  if (!prepare<false>(formulation, {reference, position, nullptr}, e)) return false;
+  if (!solve_modes(StrainMaterial(material), e, r, true)) return false;
   for (int q = 0; q < kPoints; ++q)
     for (int m = 0; m < 6; ++m) {
       out.value[q][m] = e.point[q].strain[m];

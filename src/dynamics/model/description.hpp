@@ -390,16 +390,30 @@ struct InitialSpec {
   bool operator==(const InitialSpec&) const = default;
 };
 
+enum class PictureFormat { vtkhdf, vtu };
+
+/// Points of a body's material on straight lines, and what is asked for at each.
+struct PathSpec {
+  Place place;
+  std::string name, body;
+  std::vector<Vec3> through;  ///< corners, in the coordinates of the mesh
+  int points = 51;
+  std::vector<std::string> quantities;  ///< "stress.xx" ...
+  bool operator==(const PathSpec&) const = default;
+};
+
 struct OutputSpec {
   Place place;
   std::vector<std::string> quantities;  ///< columns of the CSV file
   std::vector<std::string> envelopes;   ///< whose extremes over the run are wanted
   double csv_interval = 0;              ///< 0: every step
   bool energies = true, constraints = true, reactions = false, step_data = false;
-  double vtu_interval = -1;      ///< 0: every step; < 0: none
+  double vtu_interval = -1;  ///< of pictures; 0: every step; < 0: none
+  PictureFormat format = PictureFormat::vtkhdf;
   double restart_interval = -1;  ///< < 0: at the end only
   bool exact_times = false;      ///< steps end at the output times
-  bool page = true;              ///< index.html, which shows the run in a browser
+  std::vector<PathSpec> paths;
+  bool page = true;  ///< index.html, which shows the run in a browser
   bool operator==(const OutputSpec&) const = default;
 };
 

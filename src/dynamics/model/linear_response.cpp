@@ -59,9 +59,9 @@ double LinearResponse::of(const std::function<double(const State&)>& g) const {
 
 // The energy of a bent body grows with the fourth power of its turns, too, and takes nothing away from a larger number:
 // a tenth of the steps.
-double LinearResponse::energy(const std::function<double(const State&)>& g) const {
+double LinearResponse::energy(const std::function<double(const State&)>& g, double share) const {
   const double step = 0.1 * step_;
-  system_.set_load_factor(load_);
+  system_.set_load_factor(share * load_);
   const double rest = g(points_[0]);
   double first = 0, second = 0;
   for (std::size_t k = 0; k < kFirst.size(); ++k) {
@@ -74,7 +74,8 @@ double LinearResponse::energy(const std::function<double(const State&)>& g) cons
     first += kFirst[k] * change;
     second += kSecond[k] * change;
   }
-  return rest + first / step + second / (step * step);
+  system_.set_load_factor(load_);
+  return rest + share * first / step + share * share * second / (step * step);
 }
 
 State LinearResponse::displaced() const {

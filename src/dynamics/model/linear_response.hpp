@@ -25,7 +25,7 @@ class LinearResponse {
   [[nodiscard]] Vector of(const std::function<Vector(const State&)>& g, double share = 1) const;
   [[nodiscard]] double of(const std::function<double(const State&)>& g) const;
   /// g + g' + g'' / 2, under the loads throughout.
-  [[nodiscard]] double energy(const std::function<double(const State&)>& g) const;
+  [[nodiscard]] double energy(const std::function<double(const State&)>& g, double share = 1) const;
   /// The displaced configuration, as far as it can be one.
   [[nodiscard]] State displaced() const;
   /// Largest displacement relative to the extent of the model, or angle.

@@ -222,7 +222,9 @@ Quantity in_linear_statics(Quantity q, const Mechanism& mechanism) {
       there.load = s.load;
       return value(there);
     };
-    return energy ? mechanism.linear->energy(at) : mechanism.linear->of(std::function<double(const State&)>(at));
+    const double share = s.load && mechanism.linear->load() != 0 ? *s.load / mechanism.linear->load() : 1;
+    if (energy) return mechanism.linear->energy(at, share);
+    return mechanism.linear->of([&](const State& state) { return std::vector{at(state)}; }, share)[0];
   };
   return q;
 }

@@ -151,12 +151,30 @@ double read_interval(Section& s, const std::string& key, double otherwise) {
   return interval;
 }
 
+PathSpec read_path(const std::string& name, const Value& table) {
+  constexpr int kMostPoints = 10'000;
+  Section s(table);
+  PathSpec path;
+  path.place = s.place();
+  path.name = name;
+  path.body = s.text("body");
+  path.through = s.vectors("through");
+  if (path.through.size() < 2) fail(s.place("through"), "give two points or more, [[x, y, z], [x, y, z]]");
+  path.points = s.integer("points", 2, path.points, kMostPoints);
+  path.quantities = s.texts("quantities");
+  if (path.quantities.empty())
+    fail(s.place("quantities"), "say what is wanted along the path, for instance quantities = [\"stress.von_mises\"]");
+  s.finish();
+  return path;
+}
+
 void read_output(Section s, OutputSpec& out) {
   out.place = s.place();
   out.quantities = s.texts("quantities");
   out.envelopes = s.texts("envelopes");
   out.csv_interval = read_interval(s, "csv_interval", 0);
   out.vtu_interval = read_interval(s, "vtu_interval", -1);
+  out.format = s.choice("format", {"vtkhdf", "vtu"}, 0) == 0 ? PictureFormat::vtkhdf : PictureFormat::vtu;
   out.restart_interval = read_interval(s, "restart_interval", -1);
   out.energies = s.flag("energies", true);
   out.constraints = s.flag("constraints", true);
@@ -164,6 +182,7 @@ void read_output(Section s, OutputSpec& out) {
   out.step_data = s.flag("step_data", false);
   out.exact_times = s.flag("exact_times", false);
   out.page = s.flag("page", true);
+  s.named("paths", [&](const std::string& name, const Value& table) { out.paths.push_back(read_path(name, table)); });
   s.finish();
 }
 

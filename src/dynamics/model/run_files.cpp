@@ -76,15 +76,26 @@ void RunFiles::write_csv(const Sample& s) {
   if (told_) told_(s.time(), row_);
 }
 
-void RunFiles::write_picture(const State& s) {
-  if (vtu_time_ == s.t) return;
-  pictures_->write(s, s.t);
-  vtu_time_ = s.t;
+void RunFiles::write_picture(const State& picture, const Sample& s) {
+  if (vtu_time_ == picture.t) return;
+  std::vector<double> values;
+  if (spec_.format == PictureFormat::vtkhdf) {
+    State state = picture;
+    Sample at{&state, s.report};
+    if (s.load) {
+      at.load = picture.t;
+      state.t = s.state->t;
+    }
+    for (const Quantity& q : columns_) values.push_back(q.value(at));
+  }
+  pictures_->write(picture, picture.t, std::move(values));
+  vtu_time_ = picture.t;
 }
 
-void RunFiles::write_due_pictures(const State& s) {
-  vtu_clock_.visit(mechanism_.system, before_, s, [this](const State& due) { write_picture(due); });
-  before_ = s;
+void RunFiles::write_due_pictures(const Sample& s) {
+  const State end = s.pictured();
+  vtu_clock_.visit(mechanism_.system, before_, end, [&](const State& due) { write_picture(due, s); });
+  before_ = end;
 }
 
 void RunFiles::write_restart_file(const Sample& s) {
@@ -115,11 +126,13 @@ void RunFiles::begin(const Sample& s, const State& initial, bool restarted) {
   const double keep_until = restarted ? s.time() : std::numeric_limits<double>::quiet_NaN();
   if (spec_.csv_interval >= 0) begin_csv(s, keep_until);
   if (spec_.vtu_interval >= 0) {
-    const std::string path = folder_ + "/motion.pvd";
-    pictures_ = std::make_unique<Pictures>(path, mechanism_, initial, keep_until);
-    written_.push_back(path);
+    std::vector<std::string> names;
+    for (const Quantity& q : columns_) names.push_back(q.name);
+    pictures_ =
+        std::make_unique<Pictures>(folder_, "motion", spec_.format, mechanism_, initial, keep_until, std::move(names));
+    written_.push_back(pictures_->path());
     if (restarted) vtu_time_ = pictures_->kept();
-    if (!restarted) write_picture(s.pictured());
+    if (!restarted) write_picture(s.pictured(), s);
     before_ = s.pictured();
   }
 }
@@ -133,10 +146,9 @@ std::vector<std::string> RunFiles::columns() const {
 
 void RunFiles::modes(const State& state, const std::vector<std::vector<double>>& shapes) {
   if (folder_.empty() || shapes.empty()) return;
-  const std::string path = folder_ + "/modes.pvd";
   State shown = state;
   std::fill(shown.v.begin(), shown.v.end(), 0.0);
-  Pictures pictures(path, mechanism_, shown, std::numeric_limits<double>::quiet_NaN());
+  Pictures pictures(folder_, "modes", spec_.format, mechanism_, shown, std::numeric_limits<double>::quiet_NaN());
   for (std::size_t k = 0; k < shapes.size(); ++k) {
     shown.q = state.q;
     shown.v = shapes[k];
@@ -147,7 +159,7 @@ void RunFiles::modes(const State& state, const std::vector<std::vector<double>>&
     pictures.write(shown, static_cast<double>(k + 1));
   }
   pictures.finish();
-  written_.push_back(path);
+  written_.push_back(pictures.path());
 }
 
 void RunFiles::harmonic(const State& state, const ModelHarmonicResult& response, int phases) {
@@ -163,10 +175,10 @@ void RunFiles::harmonic(const State& state, const ModelHarmonicResult& response,
   for (std::size_t load = 0; load < response.loads.size(); ++load) {
     std::string name = response.loads[load];
     std::replace(name.begin(), name.end(), '.', '_');  // of an input
-    const std::string path = fmt::format("{}/harmonic_{}.pvd", folder_, name);
     State shown = state;
     std::fill(shown.v.begin(), shown.v.end(), 0.0);
-    Pictures pictures(path, mechanism_, shown, std::numeric_limits<double>::quiet_NaN());
+    Pictures pictures(folder_, "harmonic_" + name, spec_.format, mechanism_, shown,
+                      std::numeric_limits<double>::quiet_NaN());
     const std::vector<HarmonicPicture> all =
         harmonic_pictures(response, load, phases, static_cast<Index>(state.v.size()));
     const auto each = static_cast<std::size_t>(phases);
@@ -187,13 +199,13 @@ void RunFiles::harmonic(const State& state, const ModelHarmonicResult& response,
       }
     }
     pictures.finish();
-    written_.push_back(path);
+    written_.push_back(pictures.path());
   }
 }
 
 void RunFiles::step(const Sample& s) {
   if (csv_ && csv_clock_.strikes(s.time())) write_csv(s);
-  if (pictures_) write_due_pictures(s.pictured());
+  if (pictures_) write_due_pictures(s);
   if (folder_.empty() || !restart_clock_.strikes(s.time())) return;
   if (csv_) csv_->catch_up();
   if (pictures_) pictures_->catch_up();
@@ -206,7 +218,7 @@ void RunFiles::end(const Sample& s) {
     csv_->finish();
   }
   if (pictures_) {
-    write_picture(s.pictured());
+    write_picture(s.pictured(), s);
     pictures_->finish();
   }
   if (!folder_.empty()) write_restart_file(s);
@@ -223,7 +235,7 @@ void RunFiles::emergency(const Sample& s) noexcept {
   if (!folder_.empty()) save([&] { write_restart_file(s); });
   if (csv_) save([&] { write_csv(s); });
   if (csv_) save([&] { csv_->catch_up(); });
-  if (pictures_) save([&] { write_picture(s.pictured()); });
+  if (pictures_) save([&] { write_picture(s.pictured(), s); });
   if (pictures_) save([&] { pictures_->catch_up(); });
   held_.reset();
 }

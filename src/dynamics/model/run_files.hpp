@@ -30,10 +30,10 @@ class HeldFolder {
   int descriptor_ = -1;
 };
 
-/// Writes into one folder: quantities.csv, motion.pvd with its .vtu files, state.restart. An output with an interval is
-/// written at the first step that ends at or after its time (with exact_times: steps end there); pictures are those of
-/// that very time, by interpolation between the ends of the step. The time
-/// of a statics run is its load factor.
+/// Writes into one folder: quantities.csv, results.vtkhdf (or motion.pvd with its .vtu files), state.restart. An output
+/// with an interval is written at the first step that ends at or after its time (with exact_times: steps end there);
+/// pictures are those of that very time, by interpolation between the ends of the step. The time of a statics run is
+/// its load factor.
 class RunFiles {
  public:
   /// @param folder made if it is not there; empty: nothing is written
@@ -43,12 +43,12 @@ class RunFiles {
 
   /// @param initial the state at the start of the motion @param restarted files in the folder are gone on with
   void begin(const Sample& s, const State& initial, bool restarted);
-  /// Shapes of modes at a state (n numbers each) as modes.pvd, numbered from 1 where others have the time: the bodies
-  /// displaced by 5 % of their extent, the shape itself as their velocity.
+  /// Shapes of modes at a state (n numbers each) as modes.vtkhdf (.pvd), numbered from 1 where others have the time:
+  /// the bodies displaced by 5 % of their extent, the shape itself as their velocity.
   void modes(const State& state, const std::vector<std::vector<double>>& shapes);
-  /// The response as harmonic.csv, and its shapes at a state as harmonic_LOAD.pvd, where a shape's number from 1 and
-  /// the part of its period, of which there are `phases`, stand for the time: the bodies displaced by up to 5 % of
-  /// their extent, the response's own velocities.
+  /// The response as harmonic.csv, and its shapes at a state as harmonic_LOAD.vtkhdf (.pvd), where a shape's number
+  /// from 1 and the part of its period, of which there are `phases`, stand for the time: the bodies displaced by up to
+  /// 5 % of their extent, the response's own velocities.
   void harmonic(const State& state, const ModelHarmonicResult& response, int phases);
   void step(const Sample& s);
   void end(const Sample& s);  ///< the last; other runs may have the folder from then on
@@ -64,8 +64,9 @@ class RunFiles {
 
  private:
   void write_csv(const Sample& s);
-  void write_picture(const State& s);
-  void write_due_pictures(const State& s);
+  /// @param picture  a state with the time that stands for it @param s  of the step that it is in
+  void write_picture(const State& picture, const Sample& s);
+  void write_due_pictures(const Sample& s);
   void write_restart_file(const Sample& s);
   void begin_csv(const Sample& s, double keep_until);
 

@@ -139,6 +139,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     for (const std::string& request : options_.quantities) choose(request, {});
     for (const Quantity& q : quantities_) series_.names.push_back(q.name);
     envelopes_ = std::make_unique<Envelopes>(*mechanism_, model_.output.envelopes, model_.output.place);
+    for (const PathSpec& path : model_.output.paths) paths_.emplace_back(*mechanism_, path);
   }
   prepare();
   if (!model_.statics) start_integrator();
@@ -468,6 +469,17 @@ void Runner::note_elements() {
   }
 }
 
+void Runner::write_table_of_paths() {
+  if (options_.out.empty()) return;
+  const std::string file = options_.out + "/paths.csv";
+  try {
+    write_paths(file, summary_.paths);
+    summary_.files.push_back(file);
+  } catch (const Error& error) {  // the run is none the worse
+    summary_.notices.emplace_back(error.what());
+  }
+}
+
 void Runner::finish() {
   note_elements();
   summary_.t_end = time();
@@ -518,7 +530,10 @@ void Runner::finish() {
   summary_.values.clear();
   for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));
   summary_.envelopes = envelopes_->found();
+  summary_.paths.clear();
+  for (const FieldPath& path : paths_) summary_.paths.push_back(path.at(s));
   if (files_) summary_.files = files_->written();
+  if (files_ && !paths_.empty()) write_table_of_paths();
   if (page_ && !page_->written().empty()) summary_.files.push_back(page_->written());
 }
 

@@ -15,6 +15,7 @@
 #include "dynamics/model/energy_balance.hpp"
 #include "dynamics/model/events.hpp"
 #include "dynamics/model/fields/envelopes.hpp"
+#include "dynamics/model/fields/field_path.hpp"
 #include "dynamics/model/held_steps.hpp"
 #include "dynamics/model/kept_frames.hpp"
 #include "dynamics/model/mechanism.hpp"
@@ -123,8 +124,9 @@ class Runner {
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
   void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
-  void note_elements();    ///< what is known of their weaknesses, once for each body
-  void note_steps();       ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
+  void write_table_of_paths();
+  void note_elements();  ///< what is known of their weaknesses, once for each body
+  void note_steps();     ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
@@ -155,6 +157,7 @@ class Runner {
   std::unique_ptr<RunFiles> files_;
   std::vector<Quantity> quantities_;
   std::unique_ptr<Envelopes> envelopes_;
+  std::vector<FieldPath> paths_;
   SimulationSeries series_;
   std::unique_ptr<KeptFrames> frames_;
   std::unique_ptr<page::LivePage> page_;

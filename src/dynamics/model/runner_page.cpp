@@ -167,6 +167,7 @@ void Runner::write_page(const Status& status, bool running) noexcept {
       const base::Stopwatch watch(seconds);
       if (running) finish();
       page_->film().end(sample(last_report_));
+      summary_.stress_peaks = page_->film().peaks();
       page::RunOfPage run = run_of_page(running);
       run.status = status;
       page_->write(run);

@@ -148,10 +148,13 @@ void PvdSeries::remove_file(const DataSet& entry) const {
   std::filesystem::remove(pvd.parent_path() / name, ignored);
 }
 
-void PvdSeries::begin_anew() {
+bool PvdSeries::begin_anew() {
   try {
-    for (const DataSet& entry : listed()) remove_file(entry);
+    const std::vector<DataSet> entries = listed();
+    for (const DataSet& entry : entries) remove_file(entry);
+    return !entries.empty();
   } catch (const Error&) {  // somebody else's file, which is about to be replaced
+    return false;
   }
 }
 

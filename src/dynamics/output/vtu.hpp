@@ -58,7 +58,8 @@ class PvdSeries {
   std::optional<double> resume(double t);
   /// Begins anew: removes the .vtu files that an earlier run has listed, which would stay beside a shorter series for
   /// ever. Files that the series does not list, or that have other names than its own, are left alone.
-  void begin_anew();
+  /// @return whether there was such a series
+  bool begin_anew();
   /// Takes up the file of that name at time t. Parts of one time are added one after the other.
   void add(double t, int part);
   /// Forgets the entries of earlier runs that no new one has replaced, and removes their files.

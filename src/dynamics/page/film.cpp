@@ -33,7 +33,7 @@ struct Taken {
   double t;
   Drawn::Place place;
   std::vector<double> marks;
-  std::vector<std::vector<double>> positions;
+  NodalStress::Kept stress;
 };
 
 }  // namespace
@@ -59,11 +59,11 @@ std::vector<Film::Section> Film::sections() const {
       points += at(body.count);
   }
   const std::size_t marks = 3 * at(marks_.count()), stress = stress_.empty() ? 0 : points;
-  return {{"x", points},         {"y", points},         {"z", points},           {"px", rigid},
-          {"py", rigid},         {"pz", rigid},         {"turn", 4 * rigid},     {"speed", points},
-          {"von_mises", stress}, {"principal", stress}, {"velocity", 3 * rigid}, {"omega", 3 * rigid},
-          {"a", marks},          {"b", marks},          {"axis", marks},         {"force", marks},
-          {"moment", marks}};
+  return {{"x", points},         {"y", points},         {"z", points},       {"px", rigid},
+          {"py", rigid},         {"pz", rigid},         {"turn", 4 * rigid}, {"speed", points},
+          {"von_mises", stress}, {"principal", stress}, {"strain", stress},  {"velocity", 3 * rigid},
+          {"omega", 3 * rigid},  {"a", marks},          {"b", marks},        {"axis", marks},
+          {"force", marks},      {"moment", marks}};
 }
 
 void Film::begin(const model::Sample& s, const State& reference) {
@@ -126,17 +126,21 @@ void Film::take(const State& s, const State& end) {
   StateView shown = s.view();
   if (times_.interval <= 0) shown.t = end.t;
   marks_.place(shown, end.view(), taken->marks);
-  if (!stress_.empty()) taken->positions = stress_.positions(s);
+  if (!stress_.empty()) taken->stress = stress_.keep(s);
   const auto make = [this, taken] {
     Frame frame;
     frame.t = taken->t;
     Quantized& out = frame.numbers;
     pack_place(taken->place, out);
     out.add(speeds_of(taken->place.rates));
-    std::vector<double> von_mises, principal;
-    if (!stress_.empty()) stress_.evaluate(taken->positions, von_mises, principal);
-    out.add(von_mises);
-    out.add(principal);
+    NodalStress::Values stress;
+    if (!stress_.empty()) {
+      stress = stress_.evaluate(taken->stress);
+      frame.peaks = stress_.peaks(stress);
+    }
+    out.add(stress.von_mises);
+    out.add(stress.principal);
+    out.add(stress.strain);
     out.add(taken->place.velocities);
     out.add(taken->place.turning);
     std::vector<double> part;
@@ -155,7 +159,7 @@ void Film::take(const State& s, const State& end) {
   };
   // A thread of its own is worth it where there is more to do than to wake it up.
   constexpr std::size_t kBeside = 2000;
-  if (taken->place.points.size() >= kBeside)
+  if (!stress_.empty() || taken->place.points.size() >= kBeside)
     background_.enqueue(make);
   else
     make();
@@ -264,6 +268,21 @@ void Film::add_frames(JsonObject& scene, std::vector<std::string>& pieces) const
   }
   close();
   scene.raw("frames", json_list(frames)).flag("fewer", fewer_);
+}
+
+std::vector<SimulationExtreme> Film::peaks() {
+  background_.wait();
+  std::vector<const Frame*> best;  // of each solid
+  for (const Frame& frame : frames_) {
+    best.resize(std::max(best.size(), frame.peaks.size()), nullptr);
+    for (std::size_t k = 0; k < frame.peaks.size(); ++k)
+      if (frame.peaks[k].found && (best[k] == nullptr || frame.peaks[k].value > best[k]->peaks[k].value))
+        best[k] = &frame;
+  }
+  std::vector<SimulationExtreme> all;
+  for (std::size_t k = 0; k < best.size(); ++k)
+    if (best[k] != nullptr) all.push_back(stress_.describe(k, best[k]->peaks[k], best[k]->t));
+  return all;
 }
 
 Film::Content Film::content() {

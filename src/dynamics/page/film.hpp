@@ -45,12 +45,15 @@ class Film {
     std::vector<std::string> pieces;
   };
   [[nodiscard]] Content content();
+  /// The largest von Mises stress of each solid in the pictures.
+  [[nodiscard]] std::vector<SimulationExtreme> peaks();
 
  private:
   struct Frame {
     double t = 0;
     Quantized numbers;
     std::string packed;  // instead of numbers.steps, of large ones
+    std::vector<NodalStress::Peak> peaks;
   };
   struct Section {
     const char* name;

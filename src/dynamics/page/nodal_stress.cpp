@@ -4,184 +4,141 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 
 #include "base/at.hpp"
-#include "dynamics/elements/shape_functions.hpp"
 
 namespace espalier::dynamics::page {
 namespace {
 
 constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
-constexpr double kGauss = 0.57735026918962576451;
-constexpr double kTetNear = 0.58541019662496845446, kTetFar = 0.13819660112501051518;
-constexpr int kTetEdges[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
-constexpr int kHexEdges[12][2] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {4, 5}, {5, 6},
-                                  {6, 7}, {7, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
-constexpr int kHexSigns[8][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
-                                 {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1}};
+constexpr std::size_t kTensor = 6, kTensors = 2 * kTensor;  // stress and strain: 11 22 33 12 23 13
 
-bool is_tet(ElementType type) { return type == ElementType::tet4 || type == ElementType::tet10; }
-bool is_quadratic(ElementType type) { return type == ElementType::tet10 || type == ElementType::hex20; }
-
-/// Positions of an element's nodes, 3 numbers each, and its stress at a point.
-struct StressOfElement {
-  ElementType type;
-  const Material& material;
-  std::array<double, 3 * kMaxElementNodes> reference{}, position{};
-
-  [[nodiscard]] Mat3 cauchy(const double* xi) const {
-    const auto nodes = at(shape_of(type).nodes);
-    std::array<double, 3 * kMaxElementNodes> dn{};
-    shape_gradients(type, xi, dn.data());
-    Mat3 from = Mat3::Zero(), to = Mat3::Zero();
-    for (std::size_t a = 0; a < nodes; ++a)
-      for (std::size_t i = 0; i < 3; ++i)
-        for (std::size_t d = 0; d < 3; ++d) {
-          from(static_cast<int>(i), static_cast<int>(d)) += reference[3 * a + i] * dn[d * nodes + a];
-          to(static_cast<int>(i), static_cast<int>(d)) += position[3 * a + i] * dn[d * nodes + a];
-        }
-    const Mat3 f = to * from.inverse();
-    Mat33 grad, rate = {};
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) grad[i][j] = f(i, j) - (i == j ? 1.0 : 0.0);
-    PointResponse point;
-    if (material.law == SolidLaw::st_venant_kirchhoff)
-      respond_svk(grad, rate, material.lambda(), material.mu(), 1.0, {}, point);
-    else if (!respond_neo_hookean(grad, material.lambda(), material.mu(), {}, point))
-      return Mat3::Constant(kNoNumber);
-    Mat3 p;
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j) p(i, j) = point.p[i][j];
-    return p * f.transpose() / f.determinant();
-  }
-};
-
-void at_corners_of_tet(const StressOfElement& e, std::vector<Mat3>& corner) {
-  std::array<Mat3, 4> inside;
-  for (int k = 0; k < 4; ++k) {
-    double xi[3] = {kTetFar, kTetFar, kTetFar};
-    if (k > 0) xi[k - 1] = kTetNear;
-    inside[at(k)] = e.cauchy(xi);
-  }
-  const Mat3 sum = inside[0] + inside[1] + inside[2] + inside[3];
-  for (const Mat3& own : inside) corner.push_back((own - kTetFar * sum) / (kTetNear - kTetFar));
+double von_mises_of(const double* n) {
+  const double a = n[0] - n[1], b = n[1] - n[2], c = n[2] - n[0];
+  return std::sqrt(0.5 * (a * a + b * b + c * c) + 3 * (n[3] * n[3] + n[4] * n[4] + n[5] * n[5]));
 }
 
-void at_corners_of_hex(const StressOfElement& e, std::vector<Mat3>& corner) {
-  std::array<Mat3, 8> inside;
-  for (int k = 0; k < 8; ++k) {
-    const double xi[3] = {kGauss * kHexSigns[k][0], kGauss * kHexSigns[k][1], kGauss * kHexSigns[k][2]};
-    inside[at(k)] = e.cauchy(xi);
-  }
-  for (const auto& c : kHexSigns) {
-    Mat3 sum = Mat3::Zero();
-    for (int k = 0; k < 8; ++k) {
-      double weight = 1;
-      for (int i = 0; i < 3; ++i) weight *= 0.5 * (1 + c[i] * kHexSigns[k][i] / kGauss);
-      sum += weight * inside[at(k)];
-    }
-    corner.push_back(sum);
-  }
-}
-
-/// At each node of the element.
-std::vector<Mat3> at_nodes(const StressOfElement& e) {
-  const auto nodes = at(shape_of(e.type).nodes);
-  if (!is_quadratic(e.type)) {
-    const double quarter = is_tet(e.type) ? 0.25 : 0, middle[3] = {quarter, quarter, quarter};
-    return std::vector<Mat3>(nodes, e.cauchy(middle));
-  }
-  std::vector<Mat3> stress;
-  if (is_tet(e.type)) {
-    at_corners_of_tet(e, stress);
-    for (const auto& edge : kTetEdges) stress.push_back(0.5 * (stress[at(edge[0])] + stress[at(edge[1])]));
-  } else {
-    at_corners_of_hex(e, stress);
-    for (const auto& edge : kHexEdges) stress.push_back(0.5 * (stress[at(edge[0])] + stress[at(edge[1])]));
-  }
-  return stress;
-}
-
-double von_mises_of(const Mat3& stress) {
-  const Mat3 deviator = stress - stress.trace() / 3 * Mat3::Identity();
-  return std::sqrt(1.5) * deviator.norm();
-}
-
-/// The principal stress of the largest magnitude, with its sign.
-double principal_of(const Mat3& stress) {
-  if (!stress.allFinite()) return kNoNumber;
+/// The principal value of the largest magnitude, with its sign.
+double principal_of(const double* n) {
+  Mat3 t;
+  t << n[0], n[3], n[5], n[3], n[1], n[4], n[5], n[4], n[2];
+  if (!t.allFinite()) return kNoNumber;
   Eigen::SelfAdjointEigenSolver<Mat3> solver;
-  solver.computeDirect(0.5 * (stress + stress.transpose()), Eigen::EigenvaluesOnly);
+  solver.computeDirect(t, Eigen::EigenvaluesOnly);
   const double low = solver.eigenvalues()[0], high = solver.eigenvalues()[2];
   return -low > high ? low : high;
 }
 
+/// Weights of an element's samples at its nodes, by its shape.
+class NodeWeights {
+ public:
+  const std::vector<model::SampleWeights>& of(ElementType shape, SamplePoints points) {
+    auto [it, fresh] = known_.try_emplace({shape, points});
+    if (fresh)
+      for (const auto& xi : model::node_coordinates(shape)) it->second.push_back(model::weights_at(points, xi.data()));
+    return it->second;
+  }
+
+ private:
+  std::map<std::pair<ElementType, SamplePoints>, std::vector<model::SampleWeights>> known_;
+};
+
 }  // namespace
 
-NodalStress::NodalStress(const model::Mechanism& mechanism, const Drawn& drawn) {
+NodalStress::NodalStress(const model::Mechanism& mechanism, const Drawn& drawn) : mechanism_(mechanism) {
   for (std::size_t b = 0; b < mechanism.bodies.size(); ++b) {
     const Skin* skin = drawn.skins()[b].get();
     if (skin == nullptr) continue;
     const std::size_t first = points_;
     points_ += at(skin->points());
     const model::BuiltBody& body = mechanism.bodies[b];
-    if (!body.mesh) continue;
-    Solid solid{&body, first, {}, std::vector<Index>(body.mesh->nodes.size(), -1), at(skin->points())};
-    for (std::size_t k = 0; k < skin->nodes().size(); ++k) solid.point_of[at(skin->nodes()[k])] = static_cast<Index>(k);
-    for (Index e = 0; e < body.mesh->element_count(); ++e) {
-      const auto nodes = body.mesh->element(e);
-      if (is_simulated_solid(body.mesh->type(e)) &&
-          std::any_of(nodes.begin(), nodes.end(), [&](Index node) { return solid.point_of[at(node)] >= 0; }))
-        solid.elements.push_back(e);
+    if (!body.mesh || body.flexible == nullptr) continue;
+    Solid solid{&body, std::make_unique<const model::SampledBody>(body), first, skin->nodes(), {}, {}};
+    std::vector<Index> drawn_as(body.mesh->nodes.size(), -1);
+    for (std::size_t k = 0; k < solid.nodes.size(); ++k) drawn_as[at(solid.nodes[k])] = static_cast<Index>(k);
+    for (Index e = 0; e < solid.samples->elements(); ++e) {
+      const std::vector<Index> nodes = solid.samples->element_nodes(e);
+      if (std::none_of(nodes.begin(), nodes.end(), [&](Index node) { return drawn_as[at(node)] >= 0; })) continue;
+      solid.elements.push_back(e);
+      for (const Index node : nodes) solid.point_of.push_back(drawn_as[at(node)]);
     }
     bodies_.push_back(std::move(solid));
   }
 }
 
-std::vector<std::vector<double>> NodalStress::positions(const State& s) const {
-  std::vector<std::vector<double>> all;
+NodalStress::Kept NodalStress::keep(const State& s) const {
+  const model::LinearResponse* linear = mechanism_.linear.get();
+  if (linear == nullptr) return {s.q, {}};
+  const double share = linear->load() != 0 ? s.t / linear->load() : 1;
+  return {{}, linear->of([this](const State& there) { return tensors(there); }, share)};
+}
+
+std::vector<double> NodalStress::tensors(const State& s) const {
+  std::vector<double> sum(kTensors * points_, 0.0);
+  std::vector<int> count(points_, 0);
+  NodeWeights weights;
   for (const Solid& solid : bodies_) {
-    const model::BuiltBody& body = *solid.body;
-    if (body.reduced != nullptr) {
-      all.push_back(body.reduced->strained(s.q));
-    } else {
-      const double* from = &s.q[at(body.flexible->configuration(0))];
-      all.emplace_back(from, from + 3 * body.flexible->vertices());
+    const model::FieldTable table = solid.samples->sample(s, solid.elements, nullptr);
+    std::size_t corner = 0;
+    for (std::size_t k = 0; k < solid.elements.size(); ++k) {
+      const Index e = solid.elements[k];
+      for (const model::SampleWeights& w : weights.of(solid.samples->shape(e), solid.samples->points(e))) {
+        const Index point = solid.point_of[corner++];
+        if (point < 0) continue;
+        double* to = &sum[kTensors * (solid.first_point + at(point))];
+        const std::size_t samples = model::points_of(solid.samples->points(e)).size();
+        for (std::size_t q = 0; q < samples; ++q)
+          for (std::size_t m = 0; m < kTensor; ++m) {
+            to[m] += w[q] * table.stress[k].value[q][m];
+            to[kTensor + m] += w[q] * (m < 3 ? 1 : 0.5) * table.strain[k].value[q][m];
+          }
+        ++count[solid.first_point + at(point)];
+      }
     }
+  }
+  for (std::size_t k = 0; k < points_; ++k)
+    for (std::size_t m = 0; m < kTensors; ++m)
+      sum[kTensors * k + m] = count[k] > 0 ? sum[kTensors * k + m] / count[k] : kNoNumber;
+  return sum;
+}
+
+NodalStress::Values NodalStress::evaluate(const Kept& kept) const {
+  std::vector<double> made;
+  if (kept.tensors.empty()) {
+    State s;
+    s.q = kept.q;
+    made = tensors(s);
+  }
+  const std::vector<double>& all = kept.tensors.empty() ? made : kept.tensors;
+  Values values;
+  for (std::size_t k = 0; k < points_; ++k) {
+    const double* stress = &all[kTensors * k];
+    values.von_mises.push_back(von_mises_of(stress));
+    values.principal.push_back(principal_of(stress));
+    values.strain.push_back(principal_of(stress + kTensor));
+  }
+  return values;
+}
+
+std::vector<NodalStress::Peak> NodalStress::peaks(const Values& values) const {
+  std::vector<Peak> all;
+  for (const Solid& solid : bodies_) {
+    Peak peak;
+    for (std::size_t k = 0; k < solid.nodes.size(); ++k) {
+      const double x = values.von_mises[solid.first_point + k];
+      if (std::isfinite(x) && (!peak.found || x > peak.value)) peak = {x, k, true};
+    }
+    all.push_back(peak);
   }
   return all;
 }
 
-void NodalStress::evaluate(const std::vector<std::vector<double>>& positions, std::vector<double>& von_mises,
-                           std::vector<double>& principal) const {
-  von_mises.assign(points_, kNoNumber);
-  principal.assign(points_, kNoNumber);
-  for (std::size_t b = 0; b < bodies_.size(); ++b) {
-    const Solid& solid = bodies_[b];
-    const Mesh& mesh = *solid.body->mesh;
-    std::vector<Mat3> sum(solid.points, Mat3::Zero());
-    std::vector<int> count(solid.points, 0);
-    for (const Index e : solid.elements) {
-      StressOfElement element{mesh.type(e), solid.body->material};
-      const auto nodes = mesh.element(e);
-      for (std::size_t a = 0; a < nodes.size(); ++a) {
-        std::copy_n(solid.body->flexible->reference().data() + 3 * nodes[a], 3, &element.reference[3 * a]);
-        std::copy_n(positions[b].data() + 3 * nodes[a], 3, &element.position[3 * a]);
-      }
-      const std::vector<Mat3> stress = at_nodes(element);
-      for (std::size_t a = 0; a < nodes.size(); ++a)
-        if (const Index point = solid.point_of[at(nodes[a])]; point >= 0) {
-          sum[at(point)] += stress[a];
-          ++count[at(point)];
-        }
-    }
-    for (std::size_t k = 0; k < sum.size(); ++k) {
-      if (count[k] == 0) continue;
-      const Mat3 mean = sum[k] / count[k];
-      von_mises[solid.first_point + k] = von_mises_of(mean);
-      principal[solid.first_point + k] = principal_of(mean);
-    }
-  }
+SimulationExtreme NodalStress::describe(std::size_t solid, const Peak& peak, double t) const {
+  const model::SampledBody& body = *bodies_[solid].samples;
+  const Index node = bodies_[solid].nodes[peak.point];
+  const Vec3 place = body.node_place(node);
+  return {peak.value, t, body.body().spec.name, body.node_label(node), {place[0], place[1], place[2]}};
 }
 
 }  // namespace espalier::dynamics::page

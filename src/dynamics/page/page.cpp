@@ -32,6 +32,17 @@ std::string response_json(const RunOfPage::Response& response) {
   return json.raw("columns", json_numbers(response.columns, 12)).done();
 }
 
+std::string paths_json(const std::vector<SimulationPath>& paths) {
+  std::vector<std::string> all;
+  for (const SimulationPath& path : paths) {
+    JsonObject json;
+    json.text("name", path.name).text("body", path.body).number("t", path.t);
+    json.raw("quantities", json_texts(path.quantities)).raw("length", json_numbers(path.length, 9));
+    all.push_back(json.raw("values", json_numbers(path.values, 9)).done());
+  }
+  return json_list(all);
+}
+
 std::string model_json(const RunOfPage& run) {
   constexpr std::size_t kMostText = 300'000;
   std::string text = run.text.substr(0, kMostText);
@@ -48,6 +59,7 @@ std::string data_json(const RunOfPage& run, const Rows& rows, const std::string&
   json.number("written", std::chrono::duration<double>(now).count());
   json.number("begin", run.begin).number("end", run.end);
   if (!run.response.names.empty()) json.raw("response", response_json(run.response));
+  if (!run.summary.paths.empty()) json.raw("paths", paths_json(run.summary.paths));
   json.raw("gravity", json_numbers(run.gravity));
   json.raw("summary", summary_json(run.summary, run.status));
   json.raw("model", model_json(run)).raw("plots", plots_json(run, rows)).raw("scene", scene);

@@ -45,6 +45,11 @@ void add_results(const SimulationSummary& s, JsonObject& json) {
   json.raw("events", list_of(s.events, [](const SimulationEvent& e) {
              return JsonObject().text("name", e.name).number("t", e.t).done();
            }));
+  json.raw("stress_peaks", list_of(s.stress_peaks, [](const SimulationExtreme& x) {
+             JsonObject peak;
+             peak.text("body", x.body).number("node", static_cast<double>(x.node)).number("t", x.t);
+             return peak.number("value", x.value).raw("place", json_numbers(x.place)).done();
+           }));
   json.number("event_count", whole(s.event_count)).text("stopped_by", s.stopped_by);
   json.raw("values", list_of(s.values, [](const auto& value) {
              return JsonObject().text("name", value.first).number("value", value.second).done();

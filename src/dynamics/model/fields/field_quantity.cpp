@@ -127,6 +127,16 @@ FieldQuantity::Peak FieldQuantity::peak(const Sample& s) const {
   return statistic_ == Statistic::mean ? Peak{mean, nullptr} : best;
 }
 
+std::vector<double> FieldQuantity::values(const Sample& s) const {
+  const std::vector<SiteNumbers> numbers = site_numbers(s);
+  std::vector<double> out;
+  for (std::size_t k = 0; k < numbers.size(); ++k) {
+    const Site& site = sites_->list[k];
+    out.push_back(site.terms.empty() ? std::numeric_limits<double>::quiet_NaN() : measure_.value(numbers[k], site));
+  }
+  return out;
+}
+
 bool FieldQuantity::is_linear() const {
   return measure_.linear && (statistic_ == Statistic::none || statistic_ == Statistic::mean);
 }

@@ -30,6 +30,9 @@ class FieldQuantity {
   /// period of the part that swings, as a real number (`min`: the least).
   [[nodiscard]] std::complex<double> amplitude(std::span<const std::complex<double>> numbers) const;
 
+  /// At each site; NaN at those without terms.
+  [[nodiscard]] std::vector<double> values(const Sample& s) const;
+
   struct Peak {
     double value = 0;
     const Site* site = nullptr;

@@ -226,6 +226,35 @@ std::vector<Quantity> find_field_quantities(Mechanism& mechanism, const std::str
   }
 }
 
+std::vector<Quantity> field_quantities_at(Mechanism& mechanism, const std::shared_ptr<const SampledBody>& body,
+                                          const std::shared_ptr<const Sites>& sites, const std::string& request) {
+  const std::size_t dot = std::min(request.find('.'), request.size());
+  const std::string family = request.substr(0, dot), component = request.substr(std::min(dot + 1, request.size()));
+  constexpr std::array<std::pair<const char*, FieldKind>, 3> kKinds = {std::pair{"stress", FieldKind::stress},
+                                                                       std::pair{"strain", FieldKind::strain},
+                                                                       std::pair{"section", FieldKind::section}};
+  const auto kind = std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& k) { return family == k.first; });
+  if (kind == kKinds.end())
+    throw std::invalid_argument(
+        fmt::format("a path has stress, strain or section, as in \"stress.xx\"; there is no '{}'", family));
+  Where point;
+  point.kind = Where::Kind::point;
+  std::vector<Quantity> out;
+  std::vector<std::string> names;
+  for (const Measure& m : measures_of(*body, kind->second, point, Statistic::none)) {
+    names.push_back(m.name);
+    const bool all = component.empty() && (m.linear || m.name == "xx") && m.name != "pressure";
+    if (!all && m.name != component && !(component.starts_with("direction_") && m.name.starts_with(component + ".")))
+      continue;
+    auto field = std::make_shared<const FieldQuantity>(body, sites, kind->second, m, Statistic::none, &mechanism.pool);
+    out.push_back({family + "." + m.name, [field](const Sample& s) { return field->value(s); }, field});
+  }
+  if (out.empty())
+    throw std::invalid_argument(fmt::format("'{}' has no .{}.{}{}; known are {}", body->body().spec.name, family,
+                                            component, suggestion(component, names), joined(names, ", ")));
+  return out;
+}
+
 std::string field_dimension(const std::string& request) {
   const std::optional<FieldRequest> r = parse(request);
   if (!r) return "";

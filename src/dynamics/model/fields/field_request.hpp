@@ -19,6 +19,12 @@ namespace espalier::dynamics::model {
 /// @throws Error(invalid_input) naming the request
 [[nodiscard]] std::vector<Quantity> find_field_quantities(Mechanism& mechanism, const std::string& request,
                                                           const Place& place, Statistic otherwise = Statistic::none);
+/// What is asked for at each of some sites: "stress.xx", "strain.principal_1", "section.My"; without a component one
+/// for each. Names are the full ones. @throws std::invalid_argument
+[[nodiscard]] std::vector<Quantity> field_quantities_at(Mechanism& mechanism,
+                                                        const std::shared_ptr<const SampledBody>& body,
+                                                        const std::shared_ptr<const Sites>& sites,
+                                                        const std::string& request);
 /// "force/length^2" and the like; empty: not known.
 [[nodiscard]] std::string field_dimension(const std::string& request);
 /// Names of the most asked for of a flexible body, for lists.

@@ -24,6 +24,15 @@ ElementType solid_shape(int vertices) {
                           : ElementType::hex8;
 }
 
+/// The root of C, from C - I: by Taylor's series where what it leaves out is below rounding, else by eigenvalues.
+Mat3 stretch_of(const Mat3& a) {
+  constexpr double kSmall = 1e-3;
+  const Mat3 one = Mat3::Identity();
+  if (a.cwiseAbs().maxCoeff() > kSmall) return Eigen::SelfAdjointEigenSolver<Mat3>(one + a).operatorSqrt();
+  const Mat3 a2 = a * a, a3 = a2 * a;
+  return one + a / 2 - a2 / 8 + a3 / 16 - a2 * a2 * (5.0 / 128) + a2 * a3 * (7.0 / 256);
+}
+
 /// Positions that strain a reduced body by `share` of its amplitudes.
 std::vector<double> strained_by(const ReducedBody& body, const State& s, double share) {
   std::vector<double> x = body.strained(s.q);
@@ -116,15 +125,14 @@ void SampledBody::stress_of(const double (&strain)[6], bool linear, double (&str
   }
   std::copy_n(s.s, 6, stress);
   if (linear) return;
-  Mat3 c, second;
+  Mat3 twice, second;  // C - I
   for (int m = 0; m < 6; ++m) {
     const auto [i, j] = kShearPairs[m];
-    c(i, j) = c(j, i) = m < 3 ? 1 + 2 * strain[m] : strain[m];
+    twice(i, j) = twice(j, i) = m < 3 ? 2 * strain[m] : strain[m];
     second(i, j) = second(j, i) = s.s[m];
   }
-  if (!c.allFinite()) return;
-  const Eigen::SelfAdjointEigenSolver<Mat3> roots(c);
-  const Mat3 u = roots.operatorSqrt(), cauchy = u * second * u / u.determinant();
+  if (!twice.allFinite()) return;
+  const Mat3 u = stretch_of(twice), cauchy = u * second * u / u.determinant();
   for (int m = 0; m < 6; ++m) stress[m] = cauchy(kShearPairs[m][0], kShearPairs[m][1]);
 }
 

@@ -65,6 +65,19 @@ class SiteMaker {
     }
   }
 
+  /// @param found  the elements that it is in
+  void add_point(const Vec3& point, const std::vector<Located>& found) {
+    Site site;
+    site.place = point;
+    for (const Located& here : found) {
+      site.terms.push_back(term(here.element, here.xi, 1 / static_cast<double>(found.size())));
+      site.y = here.y;
+      site.z = here.z;
+    }
+    site.fibre = body_.kind() == FieldBody::beam || body_.kind() == FieldBody::cable;
+    out_.list.push_back(std::move(site));
+  }
+
   /// At all sample points, with their volumes as weights.
   void add_volume(const std::vector<Index>& elements) {
     double volume = 0;
@@ -231,16 +244,7 @@ Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool su
   }
   if (kind == Where::Kind::point) {
     if (where.side) throw std::invalid_argument("a point x y z of a shell has its height in z already");
-    const std::vector<Located> found = locate(body, where.point);
-    Site site;
-    site.place = where.point;
-    for (const Located& at_point : found) {
-      site.terms.push_back(maker.term(at_point.element, at_point.xi, 1 / static_cast<double>(found.size())));
-      site.y = at_point.y;
-      site.z = at_point.z;
-    }
-    site.fibre = body.kind() == FieldBody::beam || body.kind() == FieldBody::cable;
-    maker.out().list.push_back(std::move(site));
+    maker.add_point(where.point, locate(body, where.point));
     return maker.take();
   }
   const bool by_elements = kind == Where::Kind::elements || kind == Where::Kind::whole;
@@ -259,6 +263,20 @@ Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool su
   if (maker.out().list.empty())
     throw std::invalid_argument(
         fmt::format("no element of '{}' has one of the nodes of '{}'", body.body().spec.name, where.set));
+  return maker.take();
+}
+
+Sites find_sites(const SampledBody& body, const std::vector<Vec3>& points) {
+  SiteMaker maker(body, false);
+  for (const Vec3& point : points) {
+    std::vector<Located> found;
+    try {
+      found = locate(body, point);
+    } catch (const std::invalid_argument&) {  // beside the body
+    }
+    maker.add_point(point, found);
+  }
+  maker.out().several = true;
   return maker.take();
 }
 

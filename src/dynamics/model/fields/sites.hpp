@@ -56,6 +56,9 @@ struct Where {
 /// @throws std::invalid_argument for what is not there
 [[nodiscard]] Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool surfaces);
 
+/// One for each point of the material; without terms where the point lies beside the body.
+[[nodiscard]] Sites find_sites(const SampledBody& body, const std::vector<Vec3>& points);
+
 /// Nodes of a set, or all. @throws as find_sites()
 [[nodiscard]] std::vector<Index> nodes_at(const SampledBody& body, const Where& where);
 

@@ -74,7 +74,14 @@ class App {
       add(shown('amplitude'), response, {...more, logY: true});
       add(shown('phase'), response, more);
     }
-    if (names.length === 0 && !this.data.response) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
+    for (const path of this.data.paths || []) {
+      const series = pathSeries(path), more = {abscissa: 'length', response: true, events: [], moveTo: () => {}, time: () => NaN};
+      for (const kind of ['stress', 'strain', 'section']) {
+        const shown = series.names.filter((_, k) => path.quantities[k].startsWith(kind)).slice(0, 6);
+        if (shown.length) add(shown, series, more);
+      }
+    }
+    if (names.length === 0 && !this.data.response && !this.data.paths) byId('plot-list').replaceChildren(element('p', {class: 'quiet', style: 'padding:10px'}, 'No quantities were kept; [output] quantities = ["BODY.position"] chooses some.'));
     else (memory.plots || this.series.suggestions().slice(0, 3)).forEach(shown => add(shown));
     byId('add-plot').addEventListener('click', () => add([]));
     byId('add-plot').disabled = names.length === 0;

@@ -6,6 +6,7 @@ const kFields = {
   speed: {name: 'velocity', dimension: 'length/time'},
   von_mises: {name: 'von Mises stress', dimension: 'force/length\u00b2'},
   principal: {name: 'principal stress', dimension: 'force/length\u00b2', signed: true},
+  strain: {name: 'principal strain', dimension: '1', signed: true},
 };
 
 /** Fields that a film has. */
@@ -14,7 +15,7 @@ function fieldsOf(film, statics) {
   const names = ['bodies', 'displacement'];
   if (film.bodies.some(body => !body.rigid)) names.push('deformation');
   if (!statics) names.push('speed');
-  if (stress) names.push('von_mises', 'principal');
+  if (stress) names.push('von_mises', 'principal', 'strain');
   return names;
 }
 

@@ -29,6 +29,12 @@ function responseSeries(response) {
   return new Series({names: response.names, dimensions: response.names.map(name => name.startsWith('phase') ? 'degrees' : '')}, Float64Array.from(numbers));
 }
 
+/** Values along a path through a body, over its length. */
+function pathSeries(path) {
+  const numbers = [...path.length, ...path.values].map(x => x === null ? NaN : x), name = quantity => `${path.body} ${quantity}, ${path.name}`;
+  return new Series({names: path.quantities.map(name), dimensions: path.quantities.map(quantity => /^stress/.test(quantity) ? 'force/length\u00b2' : '')}, Float64Array.from(numbers));
+}
+
 class Plot {
   constructor(series, names, options) {
     Object.assign(this, {series, names, options, against: 't', logX: false, logY: Boolean(options.logY), steps: false});
