@@ -44,7 +44,6 @@ MatrixXd solve_transposed_lower(const MatrixXd& l, const MatrixXd& b) {
 }
 
 MatrixXcd solve(const MatrixXcd& a, const MatrixXcd& b) { return Eigen::PartialPivLU<MatrixXcd>(a).solve(b); }
-VectorXcd least_squares(const MatrixXcd& a, const VectorXcd& b) { return a.colPivHouseholderQr().solve(b); }
 
 bool solve_definite(const MatrixXd& a, MatrixXd& x) {
   const Eigen::LDLT<MatrixXd> factor(a);

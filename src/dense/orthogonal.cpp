@@ -44,4 +44,6 @@ VectorXd least_squares(const MatrixXd& a, const VectorXd& b, double dependent) {
   return decomposition.compute(a).solve(b);
 }
 
+VectorXcd least_squares(const MatrixXcd& a, const VectorXcd& b) { return a.colPivHouseholderQr().solve(b); }
+
 }  // namespace espalier::dense
