@@ -63,7 +63,8 @@ function(espalier_precompile target)
   endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # forgets that what it has read came from the system: false alarms there
     target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-array-bounds -Wno-stringop-overflow
-      -Wno-stringop-overread -Wno-subobject-linkage -Wno-free-nonheap-object>)
+      -Wno-stringop-overread -Wno-subobject-linkage -Wno-free-nonheap-object
+      -Wno-error=invalid-pch>)  # GCC 13 does not take at -O1 what was read at -O2: slower, not wrong
   endif()
   get_target_property(sources ${target} SOURCES)
   foreach(source IN LISTS sources)
