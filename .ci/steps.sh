@@ -29,8 +29,19 @@ make_python() {
 build_release() {
   local python=()
   [[ ! -x $ci_python ]] || python=(-DESPALIER_PYTHON=ON "-DPython_EXECUTABLE=$ci_python")
+  local timed=()
+  [[ -n ${CMAKE_CXX_COMPILER_LAUNCHER:-} ]] || timed=("-DCMAKE_CXX_COMPILER_LAUNCHER=$PWD/.ci/timed_compiler")
+  rm -f build/compile_times.txt
   # shellcheck disable=SC2046 # words without blanks
-  configure_and_build release -DESPALIER_TESTS=ON -DESPALIER_EVIDENCE=ON -DESPALIER_BENCH=ON $(from_scratch) "${python[@]}"
+  ESPALIER_COMPILE_TIMES=$PWD/build/compile_times.txt configure_and_build release -DESPALIER_TESTS=ON -DESPALIER_EVIDENCE=ON \
+    -DESPALIER_BENCH=ON $(from_scratch) "${python[@]}" "${timed[@]}"
+}
+
+# What the sources weigh: lines, and the compiler's time for them in the build before (of a build from nothing).
+check_weight() {
+  local times=()
+  [[ ! -s build/compile_times.txt ]] || times=(--times build/compile_times.txt)
+  .ci/check_weight.py "${times[@]}"
 }
 
 # The site with its notebooks executed, from the package of the release build.
@@ -138,11 +149,11 @@ check_package() {
 # A share of the real hosts, in the Python of ESPALIER_HOSTS_PYTHON; it says which are not installed there.
 check_hosts() { "${ESPALIER_HOSTS_PYTHON:-python3}" tests/hosts/table.py --quick --print --repeat 1; }
 
-# The numerical tests with the kernels of a lesser machine: of one without AVX-512, or with SSE4 alone, in turns by the commit
+# The numerical tests with the kernels of a lesser machine: of one without AVX-512, or without AVX2, in turns by the commit
 # where this machine has AVX-512. Their bounds must be those of theory, not of one machine.
 # Without what takes long: other instructions are in all of them.
 test_instructions() {
-  local set=sse4 commit
+  local set=baseline commit
   local long='ContactGears|StaticsSweep|BeamReference|Allocation|TheLowestFrequencyIsSingular|CapstanEquation|StaticsTurns'
   long+='|RollsUpToAFullCircle|IftommA02|HundredsOfModes|HostMemory|StaticsBranches|Interrupted|MachinePrediction'
   long+='|WhereverTheGpuFails|HeldSteps|RopeSlides|DocsExamples|IntegratorsGiveTheSameBits|Interrupt\.|ContactHertz'

@@ -28,6 +28,7 @@ def main():
     os.makedirs(folder, exist_ok=True)
     units = {}
     for entry in commands:
+        entry["command"] = re.sub(r" --param=[^ ]*", "", entry["command"])  # of GCC alone
         entry["command"] = re.sub(r"-Winvalid-pch -include [^ ]*cmake_pch\.hxx", "", entry["command"])
         file, sources = entry["file"], [entry["file"]]
         if "/build/" in file and (together := sources_of(file)):

@@ -3,6 +3,9 @@
 # in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone.
 # A build from nothing compiles them together, unless APART is given. COLD and HOT: espalier_cold().
 # A module sees the headers of the modules below it as "module/header.hpp".
+cmake_host_system_information(RESULT memory QUERY TOTAL_PHYSICAL_MEMORY)  # MB
+cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
+math(EXPR memory_per_core "${memory} / ${cores}")
 function(espalier_flags target)
   target_compile_features(${target} PUBLIC cxx_std_20)
   target_compile_options(${target} PRIVATE
@@ -10,6 +13,10 @@ function(espalier_flags target)
     $<$<AND:$<BOOL:${ESPALIER_WERROR}>,$<COMPILE_LANGUAGE:CXX>>:-Werror>)
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU AND CMAKE_CXX_COMPILER_VERSION VERSION_LESS 13)
     target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-restrict>)  # false alarms: GCC bug 105651
+  endif()
+  if(ESPALIER_FROM_SCRATCH AND CMAKE_CXX_COMPILER_ID STREQUAL GNU AND memory_per_core GREATER 3500)
+    # GCC collects its garbage from 128 MB on, which takes a sixth of its time in large sources; it may have 2 GB.
+    target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:--param=ggc-min-heapsize=2000000>)
   endif()
   if(ESPALIER_SANITIZE)
     target_compile_definitions(${target} PRIVATE ESPALIER_SANITIZED)  # clang has no macro of its own
@@ -56,7 +63,8 @@ function(espalier_precompile target)
   endif()
   if(CMAKE_CXX_COMPILER_ID STREQUAL GNU)  # forgets that what it has read came from the system: false alarms there
     target_compile_options(${target} PRIVATE $<$<COMPILE_LANGUAGE:CXX>:-Wno-array-bounds -Wno-stringop-overflow
-      -Wno-stringop-overread -Wno-subobject-linkage -Wno-free-nonheap-object>)
+      -Wno-stringop-overread -Wno-subobject-linkage -Wno-free-nonheap-object
+      -Wno-error=invalid-pch>)  # GCC 13 does not take at -O1 what was read at -O2: slower, not wrong
   endif()
   get_target_property(sources ${target} SOURCES)
   foreach(source IN LISTS sources)

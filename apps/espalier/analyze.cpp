@@ -10,7 +10,9 @@
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
+#include "progress.hpp"
 #include "solver_flags.hpp"
+#include "stop_signals.hpp"
 #include "summary.hpp"
 #include "terminal.hpp"
 
@@ -22,6 +24,7 @@ struct AnalyzeCommand {
   MatrixSource source;
   SolverFlags flags;
   std::string save_file, report_file;
+  ProgressLines::Options progress_lines;
   bool json = false, quiet = false, dry_run = false;
 
   int run() const;
@@ -42,7 +45,7 @@ Tiers analyze(const AnalyzeCommand& command, AnySolver solver, const Matrix& mat
 }
 
 Tiers fill_record(const AnalyzeCommand& command, const Options& options, RunRecord& record) {
-  Progress progress(!command.quiet && !command.json);
+  Progress progress(!command.quiet && !command.json, "analyze", command.progress_lines);
   base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
   progress.begin("reading");
   const matrix::AnyMatrix any = command.source.load(record, pool);
@@ -62,7 +65,13 @@ Status check_budget(const AnalysisResult& analysis, Offset budget) {
 }
 
 int AnalyzeCommand::run() const {
-  const Options options = flags.options();
+  Options options = flags.options();
+  // Who reads along wants the last line, also where the command is stopped.
+  std::optional<StopSignals> signals;
+  if (progress_lines.wanted()) {
+    options.interrupted = stop_was_asked;
+    signals.emplace();
+  }
   check_outputs({{"the matrix", source.file()}}, {{"--save", save_file}, {"--report", report_file}});
   RunRecord record;
   record.precision = options.precision;
@@ -100,6 +109,7 @@ void add_analyze(CLI::App& app, Action& action) {
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the tables");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -18,7 +18,7 @@ int exit_code(StatusCode code) {
     case StatusCode::accuracy_not_reached:
       return kAccuracy;
     case StatusCode::cancelled:
-      return kInternalError;  // nothing here cancels
+      return kInterrupted;
   }
   return kInternalError;
 }

@@ -11,6 +11,7 @@
 #include "espalier/schur.hpp"
 #include "input.hpp"
 #include "matrix/file.hpp"
+#include "progress.hpp"
 #include "report.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
@@ -25,6 +26,7 @@ struct CondenseCommand {
   MatrixSource source;
   SolverFlags flags;
   std::string unknowns, list_file, rhs_file, out_file, out_rhs_file, report_file;
+  ProgressLines::Options progress_lines;
   bool json = false, quiet = false, no_inertia = false;
 
   int run() const;
@@ -49,7 +51,7 @@ int CondenseCommand::run() const {
   if (rhs_file.empty() != out_rhs_file.empty())
     throw Error(StatusCode::invalid_input, "--rhs and --out-rhs go together: what is condensed, and where it goes");
   const std::string wanted = listed(*this);
-  Progress progress(!quiet && !json);
+  Progress progress(!quiet && !json, "condense", progress_lines);
   RunRecord record;
   progress.begin("reading");
   base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
@@ -139,6 +141,7 @@ void add_condense(CLI::App& app, Action& action) {
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   sub->add_flag("--json", command->json, "print the report as JSON instead of a line");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -16,6 +16,8 @@
 #include "input.hpp"
 #include "matrix/read.hpp"
 #include "pencil_command.hpp"
+#include "pencil_pages.hpp"
+#include "progress.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
@@ -29,9 +31,10 @@ using Json = nlohmann::ordered_json;
 using Complex = std::complex<double>;
 
 struct HarmonicCommand {
-  std::string k_file, m_file, damping_file, load_file, at, observe, frequencies, csv_file, report_file;
+  std::string k_file, m_file, damping_file, load_file, at, observe, frequencies, csv_file, report_file, page_file;
   HarmonicOptions options;
   SolverFlags flags;
+  ProgressLines::Options progress_lines;
   bool json = false, quiet = false, verbose = false, no_modes = false;
 
   int run();
@@ -143,10 +146,10 @@ int HarmonicCommand::run() {
   options.solver = flags.options();
   options.seek_resonances = !no_modes;
   check_outputs({{"K", k_file}, {"M", m_file}, {"--damping", damping_file}, {"--load", load_file}},
-                {{"--csv", csv_file}, {"--report", report_file}});
+                {{"--csv", csv_file}, {"--report", report_file}, {"--page", page_file}});
   if (verbose) options.solver.log = [](const std::string& line) { print_note("{}\n", line); };
   options.solver.interrupted = stop_was_asked;
-  Progress progress(!quiet && !json);
+  Progress progress(!quiet && !json, "harmonic", progress_lines);
   progress.begin("reading");
   base::ThreadPool pool(options.solver.threads > 0 ? options.solver.threads : base::available_cores());
   const matrix::ReadOptions from_file = reading(pool, quiet || json);
@@ -171,7 +174,8 @@ int HarmonicCommand::run() {
     if (!csv_file.empty() && !r.points.empty()) write_csv(csv_file, options, r);
   };
   return conclude(
-      {json, quiet, report_file}, r.status, [&](int code) { return report_of(options, r, code); }, files,
+      {json, quiet, report_file, page_file}, r.status, [&](int code) { return report_of(options, r, code); }, files,
+      [&](const Json& report) { return harmonic_sheet(k_file, options, r, report); },
       r.points.empty() ? "" : summary_of(options, r));
 }
 
@@ -208,9 +212,11 @@ void add_harmonic(CLI::App& app, Action& action) {
   sub->add_flag("--no-modes", command->no_modes, "with --tolerance: do not look for the modes first");
   add_file(*sub, "--csv", command->csv_file, "write amplitudes and phases (degrees) here");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
+  add_page(*sub, command->page_file, "harmonic.html");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the table");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the log on stderr");
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -14,6 +14,7 @@
 #include <system_error>
 
 #include "command.hpp"
+#include "progress_lines.hpp"
 #include "solver/build_info.hpp"
 #include "terminal.hpp"
 
@@ -116,7 +117,9 @@ int run(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report_usage(app, error);
   }
-  return run_guarded(action);
+  const int code = run_guarded(action);
+  ProgressLines::of_program().finish(code, last_error());
+  return code;
 }
 
 }  // namespace

@@ -8,6 +8,7 @@
 
 #include "base/output_file.hpp"
 #include "command.hpp"
+#include "pencil_pages.hpp"
 #include "report.hpp"
 #include "solver/build_info.hpp"
 #include "terminal.hpp"
@@ -99,9 +100,11 @@ Json report_of(const ModelModesResult& r, int code) {
 
 }  // namespace
 
-int run_model_modes(const ModelModesCommand& command) {
+int run_model_modes(const ModelModesCommand& command, Progress& progress) {
   const Sweep sweep = sweep_of(command);
+  progress.begin("modes");
   const ModelModesResult r = model_modes(command.model, sweep.number, sweep.values, command.count, command.options);
+  progress.abandon();
   const auto files = [&] {
     if (command.csv_file.empty() || r.points.empty()) return;
     base::OutputFile file(command.csv_file);
@@ -112,6 +115,7 @@ int run_model_modes(const ModelModesCommand& command) {
     for (const std::string& notice : r.points.front().notices) print_note("espalier: {}\n", notice);
   return conclude(
       command.output, r.status, [&](int code) { return report_of(r, code); }, files,
+      [&](const Json& report) { return model_modes_sheet(command.model, r, report); },
       r.points.empty() ? "" : table_of(r));
 }
 

@@ -7,6 +7,7 @@
 
 #include "espalier/model_modes.hpp"
 #include "pencil_command.hpp"
+#include "progress.hpp"
 
 namespace espalier::cli {
 
@@ -18,6 +19,6 @@ struct ModelModesCommand {
 };
 
 /// @return the exit code @throws Error for values that are none
-int run_model_modes(const ModelModesCommand& command);
+int run_model_modes(const ModelModesCommand& command, Progress& progress);
 
 }  // namespace espalier::cli

@@ -22,6 +22,8 @@
 #include "matrix/read.hpp"
 #include "model_modes.hpp"
 #include "pencil_command.hpp"
+#include "pencil_pages.hpp"
+#include "progress.hpp"
 #include "quadratic_modes.hpp"
 #include "solver/build_info.hpp"
 #include "solver_flags.hpp"
@@ -35,15 +37,17 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 struct ModesCommand {
-  std::string k_file, m_file, damping_file, generator, out_file, csv_file, report_file, speeds, over;
+  std::string k_file, m_file, damping_file, generator, out_file, csv_file, report_file, page_file, speeds, over;
   std::vector<std::string> set;
   ModesOptions options;
   SolverFlags flags;
+  ProgressLines::Options progress_lines;
   bool buckling = false, json = false, quiet = false, verbose = false, no_proof = false, trust_mass = false;
 
   int run();
   int run_model();
-  int run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool);
+  int run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool, Progress& progress);
+  [[nodiscard]] std::string title() const { return generator.empty() ? k_file : "modes of " + generator; }
   [[nodiscard]] std::pair<SparseMatrix, SparseMatrix> matrices(base::ThreadPool& pool) const;
 };
 
@@ -151,7 +155,8 @@ void write_csv(const std::string& path, const ModesResult& r) {
   file.commit();
 }
 
-int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool) {
+int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, base::ThreadPool& pool,
+                                Progress& progress) {
   if (buckling || !std::isinf(options.below) || !out_file.empty() || !csv_file.empty())
     throw Error(StatusCode::invalid_input, "--damping: --buckling, --below, --out and --csv do not go with it");
   const SparseMatrix c = matrix::read_matrix(damping_file, reading(pool, quiet || json));
@@ -165,11 +170,13 @@ int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, ba
   QuadraticModesResult r;
   {
     const StopSignals signals;
+    progress.begin("modes");
     r = find_quadratic_modes(k, c, m, o);
   }
+  progress.abandon();
   return conclude(
-      {json, quiet, report_file}, r.status, [&](int code) { return quadratic_report(r, code); }, [] {},
-      r.count() > 0 ? quadratic_table(r) : "");
+      {json, quiet, report_file, page_file}, r.status, [&](int code) { return quadratic_report(r, code); }, [] {},
+      [&](const Json& report) { return quadratic_sheet(title(), r, report); }, r.count() > 0 ? quadratic_table(r) : "");
 }
 
 int ModesCommand::run_model() {
@@ -178,14 +185,15 @@ int ModesCommand::run_model() {
     throw Error(StatusCode::invalid_input,
                 "modes of a model: it needs no second matrix, and --damping, --generate, --buckling, --below and --out "
                 "do not go with it");
-  check_outputs({{"MODEL", k_file}}, {{"--csv", csv_file}, {"--report", report_file}});
+  check_outputs({{"MODEL", k_file}}, {{"--csv", csv_file}, {"--report", report_file}, {"--page", page_file}});
   ModelModesCommand command{
-      k_file, speeds, over, csv_file, static_cast<int>(options.count), {}, {json, quiet, report_file}};
+      k_file, speeds, over, csv_file, static_cast<int>(options.count), {}, {json, quiet, report_file, page_file}};
   command.options.set = set;
   for (const auto& [key, value] : flags.values()) command.options.solver.emplace_back(key, value);
   command.options.interrupted = stop_was_asked;
   const StopSignals signals;
-  return run_model_modes(command);
+  Progress progress(!quiet && !json, "modes", progress_lines);
+  return run_model_modes(command, progress);
 }
 
 int ModesCommand::run() {
@@ -198,15 +206,15 @@ int ModesCommand::run() {
   options.prove = !no_proof;
   options.check_mass = !trust_mass;
   check_outputs({{"K", k_file}, {"M", m_file}, {"--damping", damping_file}},
-                {{"--out", out_file}, {"--csv", csv_file}, {"--report", report_file}});
+                {{"--out", out_file}, {"--csv", csv_file}, {"--report", report_file}, {"--page", page_file}});
   if (verbose) options.solver.log = [](const std::string& line) { print_note("{}\n", line); };
   options.solver.interrupted = stop_was_asked;
-  Progress progress(!quiet && !json);
+  Progress progress(!quiet && !json, "modes", progress_lines);
   progress.begin("reading");
   base::ThreadPool pool(options.solver.threads > 0 ? options.solver.threads : base::available_cores());
   const auto [k, m] = matrices(pool);
   progress.end("");
-  if (!damping_file.empty()) return run_quadratic(k, m, pool);
+  if (!damping_file.empty()) return run_quadratic(k, m, pool, progress);
   progress.begin("modes");
   ModesResult r;
   {
@@ -222,7 +230,8 @@ int ModesCommand::run() {
       matrix::write_matrix_market_vectors(out_file, r.n, r.count(), r.vectors, "modes by espalier");
   };
   return conclude(
-      {json, quiet, report_file}, r.status, [&](int code) { return report_of(*this, r, code); }, files,
+      {json, quiet, report_file, page_file}, r.status, [&](int code) { return report_of(*this, r, code); }, files,
+      [&](const Json& report) { return modes_sheet(title(), r, buckling, report); },
       r.n > 0 ? table_of(r, buckling) + "\n" + cost_of(r) : "");
 }
 
@@ -271,9 +280,11 @@ void add_modes(CLI::App& app, Action& action) {
   add_file(*sub, "--out", command->out_file, "write the shapes here, Matrix Market array, one column a mode");
   add_file(*sub, "--csv", command->csv_file, "write eigenvalues, frequencies and residuals here");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
+  add_page(*sub, command->page_file, "modes.html");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the table");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the search's log on stderr");
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

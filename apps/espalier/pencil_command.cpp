@@ -23,12 +23,13 @@ matrix::ReadOptions reading(base::ThreadPool& pool, bool silent) {
 
 int conclude(const PencilOutput& output, const Status& status,
              const std::function<nlohmann::ordered_json(int code)>& report, const std::function<void()>& files,
-             const std::string& text) {
+             const std::function<Sheet(const Sheet::Json& report)>& sheet, const std::string& text) {
   const bool stopped = status.code == StatusCode::cancelled;
   const int code = stopped ? static_cast<int>(kInterrupted) : exit_code(status.code);
   const nlohmann::ordered_json made = report(code);
   const std::optional<Error> unwritten = write_report(output.report_file, made);
   files();
+  if (!output.page_file.empty()) write_page(output.page_file, sheet(made), output.quiet || output.json);
   if (output.json)
     print_result("{}\n", to_text(made));
   else if (!output.quiet && !stopped && !text.empty())

@@ -8,6 +8,7 @@
 
 #include "espalier/types.hpp"
 #include "matrix/entries.hpp"
+#include "sheet.hpp"
 #include "solver_flags.hpp"
 
 namespace espalier::cli {
@@ -22,15 +23,16 @@ void refuse_chosen_flags(const SolverFlags& flags, const std::string& who);
 /// How results are shown.
 struct PencilOutput {
   bool json = false, quiet = false;
-  std::string report_file;  ///< empty: none
+  std::string report_file, page_file;  ///< empty: none
 };
 
 /// Writes report and files, prints the report or the text, then what has failed.
 /// @param report  made for an exit code  @param files  writes what the command's options ask for
+/// @param sheet  the page of a report
 /// @param text  for people; empty: there is nothing to show
 /// @return the exit code  @throws Error where a file cannot be written
 int conclude(const PencilOutput& output, const Status& status,
              const std::function<nlohmann::ordered_json(int code)>& report, const std::function<void()>& files,
-             const std::string& text);
+             const std::function<Sheet(const Sheet::Json& report)>& sheet, const std::string& text);
 
 }  // namespace espalier::cli

@@ -14,6 +14,7 @@
 #include "command.hpp"
 #include "espalier/dynamics.hpp"
 #include "launched_ranks.hpp"
+#include "progress.hpp"
 #include "report.hpp"
 #include "sensitivity_report.hpp"
 #include "simulate_report.hpp"
@@ -32,6 +33,7 @@ struct SimulateCommand {
   double until = 0;
   bool until_given = false;
   SolverFlags flags;
+  ProgressLines::Options progress_lines;
   bool json = false, quiet = false, verbose = false;
   std::vector<std::string> parameters;  // --derivative
   bool adjoint = false;
@@ -126,11 +128,11 @@ int SimulateCommand::simulate() {
                 {{"--report", report_file}, {"--trace", trace_file}});
   options.record_timeline = !trace_file.empty();
   for (const auto& [key, value] : flags.values()) options.solver.emplace_back(key, value);
-  Progress progress(!quiet && !json);
-  StepLog starting(!quiet && !json, verbose, 0, 1);
+  const bool heard = !quiet && !json;
+  Progress progress(heard, "simulate", progress_lines);
+  StepLog starting(heard, verbose, progress);
   StepLog* log_of_search = &starting;
   options.on_search = [&](const SimulationSearch& search) {
-    if (log_of_search == &starting) progress.abandon();
     log_of_search->search(search);
     return !stop_was_asked();
   };
@@ -142,7 +144,8 @@ int SimulateCommand::simulate() {
   if (loaded) {
     progress.end(simulate_headline(simulation.summary()));
     const StopSignals signals;
-    StepLog log(!quiet && !json, verbose, simulation.time(), simulation.end_time());
+    StepLog log(heard, verbose, progress);
+    if (heard) progress.follow("");
     log_of_search = &log;
     status = simulation.run([&log](const SimulationStep& step) {
       log.add(step);
@@ -195,8 +198,11 @@ int SimulateCommand::differentiate() {
   check_outputs({{"the model", model}, {"derivatives.csv of --out", csv}}, {{"--report", report_file}});
   const StopSignals signals;
   options.interrupted = [] { return stop_was_asked(); };
+  Progress progress(!quiet, "simulate", progress_lines);
+  if (!quiet) progress.follow("");
   const SensitivityResult r = sensitivities(model, parameters_of(parameters), options,
                                             adjoint ? SensitivityMethod::adjoint : SensitivityMethod::automatic);
+  progress.abandon();
   if (!r.status.ok()) {
     print_error(r.status.message);
     return exit_code(r.status.code);
@@ -261,6 +267,7 @@ void add_simulate(CLI::App& app, Action& action) {
                 "motion at its end alone")
       ->needs(derivative);
   command->ranks.add_to(*sub);
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -241,7 +241,8 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   for (const char* list : {"stress_peaks", "paths", "envelopes"}) j[list] = Json::array();
   for (const SimulationExtreme& x : s.stress_peaks) j["stress_peaks"].push_back(extreme(x));
   for (const SimulationPath& along : s.paths) {
-    Json path = {{"name", along.name}, {"body", along.body}, {"t", along.t}, {"length", along.length}};
+    Json path = {
+        {"name", along.name}, {"body", along.body}, {"t", along.t}, {"length", along.length}, {"places", along.places}};
     const auto points = along.length.size();
     for (std::size_t q = 0; q < along.quantities.size(); ++q)
       for (std::size_t k = 0; k < points; ++k)

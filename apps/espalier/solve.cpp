@@ -6,12 +6,16 @@
 #include <complex>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <type_traits>
 
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
 #include "launched_ranks.hpp"
+#include "progress.hpp"
+#include "solve_page.hpp"
 #include "solver_flags.hpp"
+#include "stop_signals.hpp"
 #include "summary.hpp"
 #include "terminal.hpp"
 
@@ -22,9 +26,10 @@ namespace {
 struct SolveCommand {
   MatrixSource source;
   SolverFlags flags;
-  std::string rhs_file, out_file, report_file, trace_file, analysis_file;
+  std::string rhs_file, out_file, report_file, trace_file, analysis_file, page_file;
   int refactorizations = 0;
   RankOptions ranks;
+  ProgressLines::Options progress_lines;
   bool json = false, quiet = false, verbose = false, condition = false;
 
   int run() const;
@@ -55,13 +60,14 @@ class SolveRun {
   using Matrix = typename Sort<Value>::Matrix;
 
   SolveRun(const SolveCommand& command, const LaunchedRanks& launched, const Options& options, Matrix matrix,
-           RunRecord& record, Progress& progress)
+           RunRecord& record, SolvePictures& pictures, Progress& progress)
       : command_(command),
         launched_(launched),
         progress_(progress),
         solver_(Sort<Value>::solver(launched, options)),
         matrix_(std::move(matrix)),
-        record_(record) {}
+        record_(record),
+        pictures_(pictures) {}
 
   void execute(base::ThreadPool& pool) {
     if (!keep(launched_.on_all([&] { return share_right_hand_sides(pool); }))) return;
@@ -75,6 +81,13 @@ class SolveRun {
     if (launched_.first()) load(pool);
     b_.cols = static_cast<Index>(launched_.from_first(b_.cols));
     return {};
+  }
+
+  void take_pictures() {
+    const MatrixView pattern(matrix_.rows, matrix_.cols, matrix_.col_ptr, matrix_.row_ind, {}, matrix_.storage);
+    pictures_.given = spy_of(pattern);
+    pictures_.tiers = solver_.tiers();
+    if constexpr (std::is_same_v<Value, double>) take_order(pictures_, pattern, solver_);
   }
 
   void load(base::ThreadPool& pool) {
@@ -97,6 +110,7 @@ class SolveRun {
                                                       : solver_.load_analysis(command_.analysis_file, matrix_);
     if (!keep(record_.analysis->status)) return false;
     progress_.end(duration(record_.analysis->seconds));
+    if (!command_.page_file.empty()) take_pictures();
     return true;
   }
 
@@ -147,6 +161,7 @@ class SolveRun {
   Matrix matrix_;
   typename Sort<Value>::Columns b_;
   RunRecord& record_;
+  SolvePictures& pictures_;
 };
 
 /// Rank 0 reads for all. @returns why it cannot be solved
@@ -159,9 +174,11 @@ Status share_matrix(const SolveCommand& command, const LaunchedRanks& launched, 
 }
 
 /// Never throws Error: it ends in the record's status.
-RunRecord execute(const SolveCommand& command, const LaunchedRanks& launched, const Options& options) {
+RunRecord execute(const SolveCommand& command, const LaunchedRanks& launched, const Options& options,
+                  SolvePictures& pictures) {
   RunRecord record;
-  Progress progress(!command.quiet && !command.json && launched.first());
+  Progress progress(!command.quiet && !command.json && launched.first(), "solve",
+                    launched.first() ? command.progress_lines : ProgressLines::Options{});
   record.precision = options.precision;
   try {
     progress.begin("reading");
@@ -170,10 +187,10 @@ RunRecord execute(const SolveCommand& command, const LaunchedRanks& launched, co
     record.status = launched.on_all([&] { return share_matrix(command, launched, record, pool, any); });
     if (record.status.ok() && record.complex)
       SolveRun<std::complex<double>>(command, launched, options, std::get<ComplexSparseMatrix>(std::move(any)), record,
-                                     progress)
+                                     pictures, progress)
           .execute(pool);
     else if (record.status.ok())
-      SolveRun<double>(command, launched, options, std::get<SparseMatrix>(std::move(any)), record, progress)
+      SolveRun<double>(command, launched, options, std::get<SparseMatrix>(std::move(any)), record, pictures, progress)
           .execute(pool);
   } catch (const Error& error) {
     record.status = error.status();
@@ -202,13 +219,20 @@ void print_outcome(const SolveCommand& command, const RunRecord& record) {
 int SolveCommand::run() const {
   Options options = flags.options();
   check_outputs({{"the matrix", source.file()}, {"--rhs", rhs_file}, {"--analysis", analysis_file}},
-                {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}});
+                {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}, {"--page", page_file}});
   options.record_timeline = !trace_file.empty();
   if (verbose) options.log = [](const std::string& line) { print_note("{}\n", line); };
+  // Who reads along wants the last line, also where the command is stopped.
+  std::optional<StopSignals> signals;
+  if (progress_lines.wanted()) {
+    options.interrupted = stop_was_asked;
+    signals.emplace();
+  }
   LaunchedRanks launched(ranks);
   if (launched.ranks().size() > 1 && !trace_file.empty())
     throw Error(StatusCode::invalid_input, "--trace shows one process; leave it out on several ranks");
-  const RunRecord record = execute(*this, launched, options);
+  SolvePictures pictures;
+  const RunRecord record = execute(*this, launched, options, pictures);
   if (record.status.code == StatusCode::device_error) launched.leave_open();
   if (!launched.first()) return exit_code(record.status.code);  // rank 0 speaks for all
   const auto report = to_json(record);
@@ -219,6 +243,7 @@ int SolveCommand::run() const {
   } else {
     print_outcome(*this, record);
   }
+  if (!page_file.empty()) write_page(page_file, solve_sheet(record, report, pictures, trace_file), quiet || json);
   if (unwritten) throw Error(*unwritten);
   return exit_code(record.status.code);
 }
@@ -238,11 +263,13 @@ void add_solve(CLI::App& app, Action& action) {
   add_file(*sub, "--analysis", command->analysis_file, "take the analysis from this file (`analyze --save`)");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   add_file(*sub, "--trace", command->trace_file, "write a timeline here that ui.perfetto.dev opens");
+  add_page(*sub, command->page_file, "solve.html");
   sub->add_flag("--condition", command->condition, "estimate the condition number (a few more solves)");
   sub->add_flag("--json", command->json, "print the report as JSON instead of the summary");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->add_flag("-v,--verbose", command->verbose, "print the solver's log on stderr");
   command->ranks.add_to(*sub);
+  command->progress_lines.add_to(*sub);
   command->flags.add_to(*sub);
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

@@ -1,11 +1,11 @@
 /// \file
-/// What is seen of a run while it lasts: lines of steps, and on a terminal a bar with the time to go.
+/// What is seen of a simulation while it lasts: lines of steps, above the line of progress.
 #pragma once
 
 #include <chrono>
-#include <string>
 
 #include "espalier/dynamics.hpp"
+#include "progress.hpp"
 
 namespace espalier::cli {
 
@@ -13,8 +13,8 @@ namespace espalier::cli {
 /// one a second elsewhere; the first and the last step are always shown.
 class StepLog {
  public:
-  /// @param enabled false: says nothing @param all a line for every step
-  StepLog(bool enabled, bool all, double t_begin, double t_end);
+  /// @param enabled false: says nothing to people @param all a line for every step
+  StepLog(bool enabled, bool all, Progress& progress);
   void add(const SimulationStep& step);
   /// Where a search for an equilibrium stands, when no line was written for some seconds.
   void search(const SimulationSearch& search);
@@ -23,14 +23,12 @@ class StepLog {
 
  private:
   void print(const SimulationStep& step);
-  void paint(double t);
-  void clear();
 
-  bool enabled_, all_, live_;
-  double t_begin_, t_end_;
-  std::chrono::steady_clock::time_point start_, last_line_, last_paint_;
+  bool enabled_, all_;
+  Progress& progress_;
+  std::chrono::steady_clock::time_point start_, last_line_, last_note_;
   SimulationStep pending_;
-  bool waiting_ = false, header_ = false, painted_ = false;
+  bool waiting_ = false, header_ = false;
 };
 
 }  // namespace espalier::cli

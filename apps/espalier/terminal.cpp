@@ -8,7 +8,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <system_error>
 
 namespace espalier::cli {
 
@@ -53,6 +52,7 @@ std::string with_prefix(double number, std::string_view unit) {
 }
 
 int first_output_error = 0;  // of stdout
+std::string last_message;    // of print_error()
 
 }  // namespace
 
@@ -73,7 +73,15 @@ std::string toned(Tone tone, std::string_view text) { return toned_for(STDOUT_FI
 
 void print_error(std::string_view message) {
   static_cast<void>(output_error());
+  last_message = message;
   print_note("espalier: {} {}\n", toned_for(STDERR_FILENO, Tone::bad, "error:"), message);
+}
+
+const std::string& last_error() { return last_message; }
+
+bool has_live_line() {
+  const char* term = std::getenv("TERM");
+  return isatty(STDERR_FILENO) != 0 && term != nullptr && std::string_view(term) != "dumb";
 }
 
 void print_hint(std::string_view message) { print_note("          {}\n", message); }
@@ -132,75 +140,6 @@ std::string Table::text() const {
     text += toned(row.tone, line) + '\n';
   }
   return text;
-}
-
-Progress::Progress(bool enabled) : enabled_(enabled) {
-  const char* term = std::getenv("TERM");
-  live_ = enabled && isatty(STDERR_FILENO) != 0 && term != nullptr && std::string_view(term) != "dumb";
-  if (!live_) return;
-  try {
-    painter_ = std::thread([this] { repaint_until_stopped(); });
-  } catch (const std::system_error&) {  // no more threads: lines as into a file
-    live_ = false;
-  }
-}
-
-Progress::~Progress() {
-  abandon();
-  if (!live_) return;
-  {
-    const std::lock_guard lock(mutex_);
-    stop_ = true;
-  }
-  wake_.notify_all();
-  painter_.join();
-}
-
-void Progress::begin(std::string phase, double predicted_seconds) {
-  {
-    const std::lock_guard lock(mutex_);
-    phase_ = std::move(phase);
-    predicted_ = predicted_seconds;
-    start_ = std::chrono::steady_clock::now();
-    running_ = true;
-  }
-  wake_.notify_all();
-}
-
-void Progress::end(std::string_view outcome) {
-  const std::lock_guard lock(mutex_);
-  running_ = false;
-  if (!enabled_) return;
-  print_note("{}{}{}{}\n", live_ ? "\r\x1b[K" : "", phase_, outcome.empty() ? "" : ": ", outcome);
-}
-
-void Progress::abandon() {
-  const std::lock_guard lock(mutex_);
-  if (running_ && live_) print_note("\r\x1b[K");
-  running_ = false;
-}
-
-void Progress::repaint_until_stopped() {
-  std::unique_lock lock(mutex_);
-  while (!stop_) {
-    if (running_) {
-      paint(std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count());
-      wake_.wait_for(lock, std::chrono::milliseconds(100));
-    } else {
-      wake_.wait(lock, [this] { return running_ || stop_; });
-    }
-  }
-}
-
-void Progress::paint(double elapsed) const {
-  constexpr int width = 24;
-  std::string bar;
-  if (predicted_ > 0) {
-    const int filled = static_cast<int>(width * std::min(1.0, elapsed / predicted_));
-    bar = fmt::format("  [{:=<{}}{:{}}] of about {}", "", filled, "", width - filled, duration(predicted_));
-  }
-  print_note("\r\x1b[K{} ... {:.1f} s{}", phase_, elapsed, bar);
-  std::fflush(stderr);
 }
 
 }  // namespace espalier::cli

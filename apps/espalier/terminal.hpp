@@ -1,17 +1,13 @@
 /// \file
-/// What people see: colour, errors, numbers in words, tables, and the progress line.
+/// What people see: colour, errors, numbers in words, tables.
 #pragma once
 
 #include <fmt/format.h>
 
-#include <chrono>
-#include <condition_variable>
 #include <cstdint>
 #include <cstdio>
-#include <mutex>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <utility>
 #include <vector>
 
@@ -36,11 +32,15 @@ template <class... Values>
 void print_note(fmt::format_string<Values...> text, Values&&... values) {
   write_to(stderr, fmt::format(text, std::forward<Values>(values)...));
 }
+/// Whether stderr is a terminal on which a line can be written anew.
+[[nodiscard]] bool has_live_line();
 /// Flushes stdout. @return the system's number of the first error since the start of writing there, 0 without one
 int output_error();
 
 /// "espalier: error: ..." on stderr.
 void print_error(std::string_view message);
+/// The message of the last one; empty where there was none.
+[[nodiscard]] const std::string& last_error();
 /// An indented second line on stderr that says what to do.
 void print_hint(std::string_view message);
 
@@ -72,39 +72,6 @@ class Table {
   };
   std::string align_;
   std::vector<Row> rows_;
-};
-
-/// Says on stderr which phase is running: on a terminal one line, rewritten while the phase lasts, with a bar when its
-/// time is predicted; elsewhere one plain line when the phase has ended.
-class Progress {
- public:
-  /// @param enabled false: says nothing
-  explicit Progress(bool enabled);
-  ~Progress();
-  Progress(const Progress&) = delete;
-  Progress& operator=(const Progress&) = delete;
-
-  /// Starts a phase. @param predicted_seconds 0: not known
-  void begin(std::string phase, double predicted_seconds = 0);
-  /// Ends it; `outcome` ("1.2 s, 97 GFLOP/s") may be empty.
-  void end(std::string_view outcome);
-  /// Ends a phase that failed, if one is running: leaves a clean line for the message.
-  void abandon();
-
- private:
-  void repaint_until_stopped();
-  void paint(double elapsed) const;
-
-  bool enabled_ = false;
-  bool live_ = false;
-  bool running_ = false;
-  bool stop_ = false;
-  std::string phase_;
-  double predicted_ = 0;
-  std::chrono::steady_clock::time_point start_;
-  std::mutex mutex_;
-  std::condition_variable wake_;
-  std::thread painter_;
 };
 
 }  // namespace espalier::cli

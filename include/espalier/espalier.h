@@ -164,6 +164,22 @@ typedef void (*espalier_log_callback)(const char* line, void* user);
  * solver. */
 typedef int (*espalier_interrupt_callback)(void* user);
 
+/** Where a call is that takes long. Strings live as long as the call of the callback; empty ones: nothing. */
+typedef struct espalier_progress {
+  const char* phase; /**< "factorization", "modes" ... */
+  double done;       /**< of `total` in `unit` ("flops", "columns" ...); total 0: nobody knows */
+  double total;
+  const char* unit;
+  double seconds;      /**< since the phase began */
+  double seconds_left; /**< NaN: nobody knows */
+  const char* inside;  /**< what the phase is at, likewise */
+  double inside_done;
+  double inside_total;
+  const char* inside_unit;
+} espalier_progress;
+/** Must not call back into what is at work. */
+typedef void (*espalier_progress_callback)(const espalier_progress* progress, void* user);
+
 /** "major.minor.patch"; a static string. */
 const char* espalier_version(void);
 /** The name of a status, for instance "singular"; a static string. */
@@ -209,6 +225,12 @@ int espalier_set_log(espalier_solver* solver, espalier_log_callback log, void* u
  * factorization was; a stopped solve leaves x undefined and the factor as it was.
  */
 int espalier_set_interrupt(espalier_solver* solver, espalier_interrupt_callback interrupt, void* user);
+
+/**
+ * Who is told, some ten times a second, how far calls of this thread are; NULL: nobody. Of solvers that are analysed
+ * from now on; of others, whenever a phase begins.
+ */
+int espalier_listen(espalier_progress_callback tell, void* user);
 
 /** Orders the matrix and lays out the factorization. `info` may be NULL, here and below. */
 int espalier_analyze_i32(espalier_solver* solver, const espalier_matrix_i32* a, espalier_analysis_info* info);

@@ -3,7 +3,10 @@
 #include <nanobind/stl/string.h>
 #include <unistd.h>
 
+#include <memory>
 #include <utility>
+
+#include "espalier/progress.hpp"
 
 namespace espalier::python {
 
@@ -13,12 +16,26 @@ namespace {
 
 // Not an nb::object: a thread may end without the global lock. Who sets it takes it back.
 thread_local PyObject* the_tick = nullptr;
+// While there is one, progress() knows something.
+thread_local std::unique_ptr<ProgressListener> the_listener;
+thread_local ProgressReport last_report;
 
 }  // namespace
 
 void Host::set_tick(nb::object tick) {
   PyObject* before = std::exchange(the_tick, tick.is_none() ? nullptr : tick.release().ptr());
   Py_XDECREF(before);
+  the_listener.reset();
+  last_report = {};
+  if (the_tick != nullptr)
+    the_listener = std::make_unique<ProgressListener>([](const ProgressReport& r) { last_report = r; });
+}
+
+nb::tuple Host::progress() {
+  ProgressReport r = espalier::progress();
+  if (r.phase.empty()) r = last_report;
+  return nb::make_tuple(r.phase, r.done, r.total, r.unit, r.seconds, r.seconds_left, r.inside, r.inside_done,
+                        r.inside_total, r.inside_unit);
 }
 
 void Host::write(const std::string& line) {

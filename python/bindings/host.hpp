@@ -23,6 +23,8 @@ struct Host {
   static bool interrupted();
   /// What calls of this thread do while they are asked whether to stop; None: nothing.
   static void set_tick(nb::object tick);
+  /// The fields of espalier::ProgressReport: where the call is, or, after its end, was; while there is a tick.
+  static nb::tuple progress();
 };
 
 /// What an observer returned: None and what counts as true go on.

@@ -96,6 +96,7 @@ void bind_solver(nb::module_& m) {
   const auto array = [](const char* name) { return nb::arg(name).noconvert(); };
   m.attr("has_gpu") = device::registry().find("gpu") != nullptr;
   m.def("set_tick", &Host::set_tick, "tick"_a.none());
+  m.def("progress", &Host::progress);
   nb::class_<Exported>(m, "Exported")  // an array that another library exported, a capsule of DLPack
       .def(nb::init<nb::ndarray<>>(), "capsule"_a)
       .def_prop_ro("address", &Exported::address)

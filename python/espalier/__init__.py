@@ -9,6 +9,7 @@ from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, No
 from ._harmonic import Harmonic, ModelHarmonic, harmonic
 from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
 from ._pictures import Cells, Frame
+from ._progress import Progress
 from ._result import Result, Summary
 from ._results import Analysis, Change, Factor, Inertia, Solve
 from ._scene import SurfaceFrame
@@ -17,6 +18,6 @@ from ._simulation import Model, Simulation, Step, sweep
 from ._solver import Solver, solve
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
-           "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
+           "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
            "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
            "sweep"]

@@ -6,6 +6,7 @@ from typing import Any, Iterable, Mapping
 
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
+from ._progress import Asked, watching
 from ._results import _Table
 from ._solver import _STORAGE, _arrays, _numbers
 
@@ -103,7 +104,7 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
              between: "tuple[float, float] | None" = None, points: int = 101, logarithmic: bool = False,
              tolerance: float = 0.0, max_solves: int = 1000, seek_resonances: bool = True, loss_factor: float = 0.0,
              observed: "Iterable[int] | None" = None, shapes_at: Any = None, symmetry: str = "auto",
-             log: "logging.Logger | None" = None, **solver: Any) -> Harmonic:
+             log: "logging.Logger | None" = None, progress: Asked = "auto", **solver: Any) -> Harmonic:
     """Solves (K (1 + i loss_factor) + i w C - w^2 M) x = f for frequencies w / (2 pi), in cycles per unit of time.
 
     K, C, M: real, of one shape, of scipy.sparse, symmetric or not; C None: no viscous damping. Rows of constraints,
@@ -154,8 +155,9 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
                "shapes_at": _checks.reals(shapes_at, "shapes_at")}
     if observed is not None and not seen:
         raise ValueError("observed is empty: name unknowns, or None for all")
-    status, raw = _core.harmonic(*arrays, _STORAGE[symmetry], C is not None, columns, 1 if f.ndim == 1 else f.shape[1],
-                                 options, _checks.options(solver), _checks.lines_of(log))
+    with watching(progress, "frequency response"):
+        status, raw = _core.harmonic(*arrays, _STORAGE[symmetry], C is not None, columns, 1 if f.ndim == 1 else f.shape[1],
+                                     options, _checks.options(solver), _checks.lines_of(log))
     _told(status, raw, 3)
     return Harmonic(*_fields(raw, f.ndim == 1))
 
@@ -175,14 +177,15 @@ def _amplitudes(loads: Any) -> Any:
 
 
 def model_harmonic(model: Any, keys: "Mapping[str, Any]", set: "Mapping[str, Any]", out: str,
-                   solver: "Mapping[str, Any]") -> ModelHarmonic:
+                   progress: Asked, solver: "Mapping[str, Any]") -> ModelHarmonic:
     """See Model.harmonic()."""
     from ._toml import _value
 
     keys = {k: _amplitudes(v) if k == "loads" else v for k, v in keys.items()}
     given = {**set, **{f"harmonic.{k}": v for k, v in keys.items()}}
-    status, raw, quantities, loads, notices = _core.model_harmonic(
-        model._path if model._path is not None else model.text, model._path is not None,
-        [f"{k}={_value(v, k)}" for k, v in given.items()], out, _checks.options(solver))
+    with watching(progress, "frequency response"):
+        status, raw, quantities, loads, notices = _core.model_harmonic(
+            model._path if model._path is not None else model.text, model._path is not None,
+            [f"{k}={_value(v, k)}" for k, v in given.items()], out, _checks.options(solver))
     _told(status, raw, 4)
     return ModelHarmonic(*_fields(raw, False), quantities, loads, notices)

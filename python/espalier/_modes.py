@@ -7,6 +7,7 @@ from typing import Any
 
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
+from ._progress import Asked, watching
 from ._results import _Table
 from ._solver import _STORAGE, _arrays
 
@@ -48,8 +49,8 @@ class Modes(_Table):
         return len(self.eigenvalues)
 
 
-def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger | None", given: "dict[str, Any]",
-            solver: "dict[str, Any]") -> Modes:
+def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger | None", progress: Asked,
+            given: "dict[str, Any]", solver: "dict[str, Any]") -> Modes:
     import warnings
 
     _checks.choice(symmetry, "symmetry", ("auto", "symmetric", "lower", "upper"))
@@ -67,8 +68,9 @@ def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger 
                for *_, by_rows in arrays}
     if len(storage) > 1:
         raise ValueError("K and M are triangles, one by rows and one by columns: convert one of them")
-    status, fields = _core.find_modes(*arrays[0][:3], *arrays[1][:3], storage.pop(), buckling, given,
-                                      _checks.options(solver), _checks.lines_of(log))
+    with watching(progress, "seeking modes"):
+        status, fields = _core.find_modes(*arrays[0][:3], *arrays[1][:3], storage.pop(), buckling, given,
+                                          _checks.options(solver), _checks.lines_of(log))
     eigenvalues, vectors, *rest = fields
     found = Modes(eigenvalues, vectors.T, *rest)
     if status[0] == 7:
@@ -92,28 +94,29 @@ def _options(count: "int | None", below: "float | None", shift: "float | None", 
 
 def modes(K: Any, M: Any, count: "int | None" = None, *, below: "float | None" = None, shift: "float | None" = None,
           tolerance: float = 1e-10, prove: bool = True, check_mass: bool = True, block_size: int = 0, basis_size: int = 0,
-          seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None, **solver: Any) -> Modes:
+          seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None, progress: Asked = "auto",
+          **solver: Any) -> Modes:
     """The lowest eigenvalues of K x = l M x with their vectors: `count` of them, or all below `below`, or the fewer of both.
 
     K: symmetric, of scipy.sparse or (indptr, indices, data), also singular (free bodies) or with rows of constraints
     [A G'; G 0]. M: symmetric positive semi-definite, of the same shape; rows of zeros are no hindrance. symmetry: "auto" and
     "symmetric" (both triangles are stored), "lower", "upper" (only that one). shift: where the search begins, by default a
     little below zero. prove: count by inertia at the end that none is missing. check_mass: factorize M to see that it is
-    semi-definite. solver: device, threads, host_memory and the like, as for Solver.
+    semi-definite. progress: as for Solver. solver: device, threads, host_memory and the like, as for Solver.
 
     Raises InvalidInputError for matrices and numbers that cannot be, SingularMatrixError where det(K - s M) = 0 for every s or
     for `shift`, OutOfMemoryError. Warns with AccuracyWarning where some were not found. Ctrl-C ends it with KeyboardInterrupt.
     """
-    return _search(K, M, symmetry, False, log,
+    return _search(K, M, symmetry, False, log, progress,
                    _options(count, below, shift, tolerance, prove, check_mass, block_size, basis_size, seed), solver)
 
 
 def buckling_modes(K: Any, Kg: Any, count: int, *, tolerance: float = 1e-10, prove: bool = True, block_size: int = 0,
                    basis_size: int = 0, seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                   **solver: Any) -> Modes:
+                   progress: Asked = "auto", **solver: Any) -> Modes:
     """The smallest positive l of K x = l Kg x (where a program has K + l Kgeo: Kg = -Kgeo). K: symmetric positive definite, but
     for rows of constraints; Kg: symmetric. Arguments and exceptions as for modes(); vectors have x' K x = 1."""
-    return _search(K, Kg, symmetry, True, log,
+    return _search(K, Kg, symmetry, True, log, progress,
                    _options(count, None, None, tolerance, prove, True, block_size, basis_size, seed), solver)
 
 
@@ -143,7 +146,7 @@ class QuadraticModes(_Table):
 
 
 def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | None" = None, tolerance: float = 1e-10,
-                    basis_size: int = 0, **solver: Any) -> QuadraticModes:
+                    basis_size: int = 0, progress: Asked = "auto", **solver: Any) -> QuadraticModes:
     """The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift (None: a little below zero, for the slowest
     motions): damping, gyroscopic and circulatory terms, rows of constraints [K G'; G 0]. K, C, M: real, of one shape, all
     entries stored, of scipy.sparse. Nothing proves that none was missed; up to 150 rows all are computed, and fewer than
@@ -159,9 +162,10 @@ def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | N
         if values is None:
             raise ValueError(f"{name} has no values, only a pattern")
         arrays += [pointers, indices, values]
-    status, eigenvalues, vectors, residuals, taken, columns = _core.find_quadratic_modes(
-        *arrays, 0, _checks.whole(count, "count", 1), math.nan if shift is None else _checks.real(shift, "shift"),
-        _checks.real(tolerance, "tolerance"), _checks.whole(basis_size, "basis_size"), _checks.options(solver))
+    with watching(progress, "seeking modes"):
+        status, eigenvalues, vectors, residuals, taken, columns = _core.find_quadratic_modes(
+            *arrays, 0, _checks.whole(count, "count", 1), math.nan if shift is None else _checks.real(shift, "shift"),
+            _checks.real(tolerance, "tolerance"), _checks.whole(basis_size, "basis_size"), _checks.options(solver))
     found = QuadraticModes(eigenvalues[..., 0] + 1j * eigenvalues[..., 1],
                            (vectors[..., 0] + 1j * vectors[..., 1]).T, residuals, taken, columns)
     if status[0] == 7:

@@ -1,17 +1,50 @@
-"""A line that tells how far a long call is: in a terminal, or in a notebook."""
+"""How far a long call is: a line in a terminal or a notebook, or calls of a function."""
 
 import sys
 import time
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Callable, Union
 
+from . import _core
 from ._checks import flag
 
 
+@dataclass(frozen=True)
+class Progress:
+    """What a `progress` function is told of a long call. `state`: "running", at last "ended". `phase`:
+    "factorization", "modes", "motion" ...; `done` of `total` in `unit` ("flops", "modes", "time"; total 0: nobody knows);
+    `seconds` since the phase began and `seconds_left` (NaN: nobody knows); `inside`: what the phase is at, likewise."""
+
+    state: str
+    phase: str
+    done: float
+    total: float
+    unit: str
+    seconds: float
+    seconds_left: float
+    inside: str
+    inside_done: float
+    inside_total: float
+    inside_unit: str
+
+
+Asked = Union[bool, str, Callable[[Progress], Any]]
+
+
 def wanted(progress: Any = "auto") -> bool:
-    """Whether it is asked for: by True or False, or ("auto") where somebody can see it."""
+    """Whether a line is asked for: by True or False, or ("auto") where somebody can see it."""
+    if callable(progress):
+        return False
     if isinstance(progress, str) and progress == "auto":
         return _notebook() or sys.stderr.isatty()
     return flag(progress, "progress")
+
+
+def watching(progress: Any, what: str, expected: "float | None" = None) -> Any:
+    """For `with`: what looks at a call of the main thread, as `progress` of the call's options asks for it."""
+    if callable(progress):
+        return Told(progress)
+    return Watch(what, expected) if wanted(progress) else UNWATCHED
 
 
 def _notebook() -> bool:
@@ -66,8 +99,6 @@ class Watch:
         self._what, self._expected = what, expected
 
     def __enter__(self) -> None:
-        from . import _core
-
         self._bar = Bar()
         _core.set_tick(self._tick)
 
@@ -75,16 +106,42 @@ class Watch:
         if not self._bar.due():
             return
         seconds, expected = self._bar.seconds(), self._expected
-        if expected and expected > seconds:
+        now = Progress("running", *_core.progress())
+        if now.total > 0 and now.done > 0:
+            left = f", about {now.seconds_left:.0f} s to go" if now.seconds_left >= 0 else ""
+            self._bar.show(now.done / now.total, f"{self._what}: {now.phase}, {seconds:.0f} s{left}")
+        elif expected and expected > seconds:
             self._bar.show(seconds / expected, f"{self._what}: {seconds:.0f} of about {expected:.0f} s")
         else:
             self._bar.show(None, f"{self._what}: {seconds:.0f} s")
 
     def __exit__(self, *_: Any) -> None:
-        from . import _core
-
         _core.set_tick(None)
         self._bar.end()
+
+
+class Told:
+    """Calls a function with a Progress, at most five times a second and once at the end, unless an
+    exception ended the call. What it raises ends the call."""
+
+    def __init__(self, function: "Callable[[Progress], Any]") -> None:
+        self._function = function
+        self._next = 0.0
+
+    def __enter__(self) -> None:
+        _core.set_tick(self._tick)
+
+    def _tick(self) -> None:
+        now = Progress("running", *_core.progress())
+        if now.phase and time.monotonic() >= self._next:
+            self._next = time.monotonic() + 0.2
+            self._function(now)
+
+    def __exit__(self, kind: Any, *_: Any) -> None:
+        last = Progress("ended", *_core.progress())
+        _core.set_tick(None)
+        if kind is None:
+            self._function(last)
 
 
 class Unwatched:

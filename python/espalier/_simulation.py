@@ -7,7 +7,7 @@ from . import _checks, _core
 from ._errors import make_error
 from ._page import Shown
 from ._pictures import Cells, Frame, grid
-from ._progress import Bar, wanted
+from ._progress import UNWATCHED, Asked, Bar, wanted, watching
 from ._result import Result, Summary
 from ._toml import toml_of
 
@@ -117,7 +117,7 @@ class Model:
     def event(self, name: str, /, when: str, **keys: Any) -> str:
         return self._add("events", name, {"when": when, **keys})
 
-    def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: "bool | str" = "auto",
+    def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: Asked = "auto",
             **options: Any) -> "Result":
         """Simulation(model, until=until, **options).run(observer, progress). To go on after Ctrl-C, make the Simulation
         yourself."""
@@ -151,7 +151,7 @@ class Model:
                  logarithmic: "bool | None" = None, tolerance: "float | None" = None,
                  loss_factor: "float | None" = None, max_solves: "int | None" = None, shapes_at: Any = None,
                  set: "Mapping[str, Any] | None" = None, out: "str | os.PathLike[str]" = "",
-                 **solver: Any) -> Any:
+                 progress: Asked = "auto", **solver: Any) -> Any:
         """The frequency response of the model, linearised where it starts, in its equilibrium with [initial] statics or
         [statics]: an espalier.ModelHarmonic. What is given here stands instead of the same keys of its section
         [harmonic], which may be absent: loads, names of forces, motors or inputs, or a dictionary of load cases,
@@ -166,10 +166,10 @@ class Model:
                 "frequencies": frequencies, "from": low, "to": high, "points": points, "logarithmic": logarithmic,
                 "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
         return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
-                              _checks.path(out, "out"), solver)
+                              _checks.path(out, "out"), progress, solver)
 
     def modes_over(self, number: str, values: "Iterable[float]", count: int = 0, *,
-                   set: "Mapping[str, Any] | None" = None, **solver: Any) -> Any:
+                   set: "Mapping[str, Any] | None" = None, progress: Asked = "auto", **solver: Any) -> Any:
         """Modes for each value of a number of the model, about its start: at rest, in the equilibrium of [initial]
         statics or [statics], or about its steady motion. number: a path, "parameters.speed"; "initial.rotation.speed"
         makes a Campbell diagram, and changes the parameter that stands there, if one does. count: of modes; 0: as many
@@ -183,10 +183,11 @@ class Model:
         from ._toml import _value
 
         names = ("value", "mode", "frequency", "damping_ratio", "growth", "whirl", "standing_frequency")
-        status, rows, _ = _core.model_modes(
-            self._path if self._path is not None else self.text, self._path is not None, _checks.text(number, "number"),
-            _checks.reals(values, "values"), _checks.whole(count, "count"),
-            [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.options(solver))
+        with watching(progress, "seeking modes"):
+            status, rows, _ = _core.model_modes(
+                self._path if self._path is not None else self.text, self._path is not None,
+                _checks.text(number, "number"), _checks.reals(values, "values"), _checks.whole(count, "count"),
+                [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.options(solver))
         if status[0] != 0:
             raise make_error(*status)
         return np.array(rows, dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names])
@@ -257,9 +258,9 @@ class Simulation:
     def end_time(self) -> float:
         return self._core.end_time()
 
-    def run(self, observer: "Observer | None" = None, *, progress: "bool | str" = "auto") -> Result:
+    def run(self, observer: "Observer | None" = None, *, progress: Asked = "auto") -> Result:
         """To the end. observer: called with a Step after every step; False (any false value but None) stops the run. progress: "auto" shows it in
-        terminals and notebooks."""
+        terminals and notebooks; a function is called with a Progress a few times a second."""
         bar, begin, span = Bar(), self.time, self.end_time - self.time
         told = _told_of(observer)
 
@@ -271,7 +272,9 @@ class Simulation:
             return None if told is None else told(s)
 
         try:
-            self._check(self._core.run(shown if wanted(progress) else told))
+            with watching(progress, "") if callable(progress) else UNWATCHED:
+                status = self._core.run(shown if wanted(progress) else told)
+            self._check(status)
         finally:
             bar.end()
         return self.result()

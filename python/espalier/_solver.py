@@ -7,13 +7,14 @@ from typing import Any
 
 from . import _checks, _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
-from ._progress import UNWATCHED, Unwatched, Watch, wanted
+from ._progress import UNWATCHED, Asked, wanted, watching
 from ._results import Analysis, Change, Factor, Inertia, Solve
 
 _core.set_error_maker(make_error)
 _STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
             "hermitian": 6}
 
+_MANY = 32  # right-hand sides that go together
 
 def _numbers(a: Any, what: str, complex_too: bool = False) -> Any:
     """`a` as float64, or complex128 where it is complex, without a copy where it is that already."""
@@ -110,8 +111,8 @@ class Solver:
     it is analyzed and factorized. None: analyze() or factorize() come later. Its arrays are read during calls only.
     symmetry: "auto" finds out from the values; "general"; "symmetric" (both triangles are stored, the upper one is not
     read); "lower", "upper" (only that triangle is stored); "hermitian", "hermitian_lower", "hermitian_upper" likewise. log: a logging.Logger, by default "espalier".
-    progress: "auto" shows analyses and factorizations that take longer than a second, in terminals and notebooks; True,
-    False. options: those of the command line (kind, precision, device, threads, singular, ...).
+    progress: "auto" shows analyses, factorizations and solves that take longer than a second, in terminals and notebooks;
+    True, False; or a function, which is called with a Progress a few times a second in such calls of the main thread. options: those of the command line (kind, precision, device, threads, singular, ...).
 
     The values of A (then a matrix of cupyx.scipy.sparse, a sparse tensor of torch, or a triple) may lie on an NVIDIA GPU,
     as float64; `device` is then that GPU unless it is given. The pattern is analyzed on the host.
@@ -129,10 +130,11 @@ class Solver:
     """
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                 permutation: Any = None, progress: "bool | str" = "auto", **options: Any) -> None:
+                 permutation: Any = None, progress: Asked = "auto", **options: Any) -> None:
         self._storage = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]
         self._core = _core.Solver()
-        self._options = {"symmetry": symmetry, "log": log, "permutation": permutation, "progress": progress, **options}
+        self._options = {"symmetry": symmetry, "log": log, "permutation": permutation,
+                         "progress": "auto" if callable(progress) else progress, **options}
         self._pattern: Any = None
         for key, value in _checks.options(options):
             self._core.set_option(key, value)
@@ -140,7 +142,7 @@ class Solver:
             self._core.set_permutation(_indices(permutation, "permutation", 2**31 - 1, "int32"))
         self._core.set_log(_checks.lines_of(log))
         self._n, self._by_rows, self._complex = 0, False, False
-        self._watched = wanted(progress)
+        self._progress = progress if callable(progress) else wanted(progress)
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
@@ -160,8 +162,8 @@ class Solver:
             self._core.set_option("device", self._options["device"])
         return _arrays(A, True), on_gpu
 
-    def _watch(self, what: str, expected: "float | None" = None) -> "Watch | Unwatched":
-        return Watch(what, expected) if self._watched else UNWATCHED
+    def _watch(self, what: str, expected: "float | None" = None) -> Any:
+        return watching(self._progress, what, expected)
 
     def save_analysis(self, path: "str | os.PathLike[str]") -> None:
         """Writes the analysis to a file; load_analysis() of the same pattern then needs no ordering."""
@@ -325,7 +327,9 @@ class Solver:
         direct = out is not None and out.flags.f_contiguous and out.flags.aligned
         x: Any = out if direct else np.empty(b.shape, order="F")
         if columns > 0:
-            self._solved(self._core.solve(right.T, x.T, columns, bool(transpose)))
+            with self._watch(f"solving for {columns} columns") if columns > _MANY else UNWATCHED:
+                solved = self._core.solve(right.T, x.T, columns, bool(transpose))
+            self._solved(solved)
         if out is not None and not direct:
             out[...] = x
         return x if out is None else out

@@ -1,81 +1,22 @@
 #include "dense/dense.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
 
 namespace espalier::dense {
 
-MatrixXd times(const MatrixXd& a, const MatrixXd& b) { return a * b; }
-MatrixXd transposed_times(const MatrixXd& a, const MatrixXd& b) { return a.transpose() * b; }
-
-Spectrum symmetric_eigen(const MatrixXd& a) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(a);
-  return {eigen.eigenvalues(), eigen.eigenvectors()};
-}
-
-VectorXd symmetric_eigenvalues(const MatrixXd& a) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(a, Eigen::EigenvaluesOnly).eigenvalues();
-}
-
-Eigen::Vector3d principal_values(const Eigen::Matrix3d& a) {
-  return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(a, Eigen::EigenvaluesOnly).eigenvalues();
-}
-
-Spectrum symmetric_eigen(const MatrixXd& a, const MatrixXd& b) {
-  const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(a, b);
-  return {eigen.eigenvalues(), eigen.eigenvectors()};
-}
-
-ComplexSpectrum general_eigen(const MatrixXd& a) {
-  const Eigen::EigenSolver<MatrixXd> eigen(a);
-  return {eigen.eigenvalues(), eigen.eigenvectors()};
-}
-
-SingularValues singular_values(const MatrixXd& a) {
-  const Eigen::JacobiSVD<MatrixXd> svd(a, Eigen::ComputeFullV | Eigen::ComputeThinU);
-  return {svd.singularValues(), svd.matrixU(), svd.matrixV()};
-}
-
-NearestRotation nearest_rotation(const Eigen::Matrix3d& a) {
-  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(a, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const Eigen::Vector3d signs(1, 1, (svd.matrixU() * svd.matrixV().transpose()).determinant() < 0 ? -1 : 1);
-  return {svd.matrixU() * signs.asDiagonal() * svd.matrixV().transpose(), svd.singularValues()};
-}
+MatrixXd times(const ConstRef& a, const ConstRef& b) { return a * b; }
+MatrixXd transposed_times(const ConstRef& a, const ConstRef& b) { return a.transpose() * b; }
+VectorXcd real_times_complex(const ConstRef& a, const VectorXcd& b) { return a * b; }
 
 void divide_by_upper_cholesky(const MatrixXd& b, MatrixXd& x) {
   const Eigen::LLT<MatrixXd> factor(b);
   factor.matrixU().solveInPlace<Eigen::OnTheRight>(x);
 }
 
-PivotedColumns pivoted_columns(const MatrixXd& a, double dependent) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(a);
-  qr.setThreshold(dependent);
-  return {qr.colsPermutation().indices(), qr.rank()};
-}
-
-MatrixXd null_space(const MatrixXd& rows, double dependent) {
-  const Eigen::Index n = rows.cols();
-  if (rows.rows() == 0) return MatrixXd::Identity(n, n);
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(rows.transpose());
-  qr.setThreshold(dependent);
-  const MatrixXd q = qr.householderQ() * MatrixXd::Identity(n, n);
-  return q.rightCols(n - qr.rank());
-}
-
-QrFactors qr_factors(const MatrixXd& a) {
-  const Eigen::HouseholderQR<MatrixXd> qr(a);
-  return {qr.householderQ() * MatrixXd::Identity(a.rows(), a.rows()),
-          qr.matrixQR().topRows(std::min(a.rows(), a.cols())).triangularView<Eigen::Upper>()};
-}
-
-MatrixXd qr_triangle(const MatrixXd& a) {
-  const Eigen::HouseholderQR<MatrixXd> qr(a);
-  return qr.matrixQR().topRows(std::min(a.rows(), a.cols())).triangularView<Eigen::Upper>();
-}
-
-VectorXd least_squares(const MatrixXd& a, const VectorXd& b, double dependent) {
-  Eigen::CompleteOrthogonalDecomposition<MatrixXd> decomposition;
-  decomposition.setThreshold(dependent);
-  return decomposition.compute(a).solve(b);
+void solve_upper(const MatrixXcd& u, VectorXcd& x) { u.triangularView<Eigen::Upper>().solveInPlace(x); }
+void solve_adjoint_upper(const MatrixXcd& u, VectorXcd& x) {
+  u.triangularView<Eigen::Upper>().adjoint().solveInPlace(x);
 }
 
 Eigen::VectorXi completely_pivoted_columns(const MatrixXd& a) {
@@ -85,6 +26,24 @@ Eigen::VectorXi completely_pivoted_columns(const MatrixXd& a) {
 VectorXd solve_by_complete_pivoting(const MatrixXd& a, const VectorXd& b) {
   return Eigen::FullPivLU<MatrixXd>(a).solve(b);
 }
+
+Eigen::Index rank_by_complete_pivoting(const MatrixXd& a, double dependent) {
+  Eigen::FullPivLU<MatrixXd> lu(a);
+  lu.setThreshold(dependent);
+  return lu.rank();
+}
+
+std::optional<MatrixXd> cholesky(const MatrixXd& a) {
+  const Eigen::LLT<MatrixXd> factor(a);
+  if (factor.info() != Eigen::Success) return {};
+  return MatrixXd(factor.matrixL());
+}
+
+MatrixXd solve_transposed_lower(const MatrixXd& l, const MatrixXd& b) {
+  return l.transpose().triangularView<Eigen::Upper>().solve(b);
+}
+
+MatrixXcd solve(const MatrixXcd& a, const MatrixXcd& b) { return Eigen::PartialPivLU<MatrixXcd>(a).solve(b); }
 
 bool solve_definite(const MatrixXd& a, MatrixXd& x) {
   const Eigen::LDLT<MatrixXd> factor(a);

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <memory>
+#include <optional>
 
 namespace espalier::dense {
 
@@ -15,9 +16,13 @@ using Eigen::MatrixXd;
 using Eigen::VectorXcd;
 using Eigen::VectorXd;
 
+/// Matrices and blocks of them are read where they are; other expressions are computed first.
+using ConstRef = Eigen::Ref<const MatrixXd>;
+
 /// A B (m x k, k x n), A^T B (k x m, k x n).
-[[nodiscard]] MatrixXd times(const MatrixXd& a, const MatrixXd& b);
-[[nodiscard]] MatrixXd transposed_times(const MatrixXd& a, const MatrixXd& b);
+[[nodiscard]] MatrixXd times(const ConstRef& a, const ConstRef& b);
+[[nodiscard]] MatrixXd transposed_times(const ConstRef& a, const ConstRef& b);
+[[nodiscard]] VectorXcd real_times_complex(const ConstRef& a, const VectorXcd& b);
 
 /// Eigenvalues, ascending, and eigenvectors as columns.
 struct Spectrum {
@@ -36,20 +41,34 @@ struct Spectrum {
 struct ComplexSpectrum {
   VectorXcd values;
   MatrixXcd vectors;
+  bool converged = true;  ///< whether the QR algorithm came to an end; else the others are not to be used
 };
 
 /// A x = l x for any square A.
 [[nodiscard]] ComplexSpectrum general_eigen(const MatrixXd& a);
+[[nodiscard]] VectorXcd general_eigenvalues(const MatrixXd& a);
+[[nodiscard]] ComplexSpectrum general_eigen(const MatrixXcd& a);
+[[nodiscard]] VectorXcd general_eigenvalues(const MatrixXcd& a);
 
 /// A = U diag(values) V^T, values descending.
 struct SingularValues {
   VectorXd values;  ///< min(m, n)
-  MatrixXd u;       ///< m x min(m, n)
+  MatrixXd u;       ///< m x min(m, n), columns orthonormal
   MatrixXd v;       ///< n x n, whole
 };
 
 /// @param a m x n
 [[nodiscard]] SingularValues singular_values(const MatrixXd& a);
+
+/// Values, descending, and V alone, by divide and conquer: for hundreds of columns.
+struct RightSingularVectors {
+  VectorXd values;  ///< min(m, n)
+  MatrixXd v;       ///< n x n
+};
+
+[[nodiscard]] RightSingularVectors right_singular_vectors(const MatrixXd& a);
+/// The v of length 1 for which |A v| is least. @param a m x n, n at least 1
+[[nodiscard]] VectorXcd last_right_singular_vector(const MatrixXcd& a);
 
 /// The rotation R nearest to A, in the sum of squares: A = R S with a symmetric S.
 struct NearestRotation {
@@ -80,13 +99,33 @@ struct QrFactors {
 [[nodiscard]] QrFactors qr_factors(const MatrixXd& a);
 /// R alone.
 [[nodiscard]] MatrixXd qr_triangle(const MatrixXd& a);
+[[nodiscard]] MatrixXcd qr_triangle(const MatrixXcd& a);
 /// The x of least length among those with the least |A x - b|. @param dependent as for pivoted_columns()
 [[nodiscard]] VectorXd least_squares(const MatrixXd& a, const VectorXd& b, double dependent);
+/// Likewise for each column of B; what depends is told by rounding.
+[[nodiscard]] MatrixXd least_squares(const MatrixXd& a, const MatrixXd& b);
+/// x := U^-1 x, x := U^-H x for an upper triangle U without zeros on its diagonal.
+void solve_upper(const MatrixXcd& u, VectorXcd& x);
+void solve_adjoint_upper(const MatrixXcd& u, VectorXcd& x);
 
 /// Columns of A (m x n) in the order of complete pivoting.
 [[nodiscard]] Eigen::VectorXi completely_pivoted_columns(const MatrixXd& a);
 /// x with A x = b by complete pivoting; a singular A gives some x.
 [[nodiscard]] VectorXd solve_by_complete_pivoting(const MatrixXd& a, const VectorXd& b);
+
+/// How many columns are independent by complete pivoting. @param dependent part of the largest pivot below which one is
+/// none
+[[nodiscard]] Eigen::Index rank_by_complete_pivoting(const MatrixXd& a, double dependent);
+
+/// L of A = L L^T (n x n, symmetric, the lower triangle is read); nothing where A is not positive definite.
+[[nodiscard]] std::optional<MatrixXd> cholesky(const MatrixXd& a);
+/// X with L^T X = B for a lower triangular L.
+[[nodiscard]] MatrixXd solve_transposed_lower(const MatrixXd& l, const MatrixXd& b);
+
+/// X with A X = B, with pivoting by rows. @pre A is regular
+[[nodiscard]] MatrixXcd solve(const MatrixXcd& a, const MatrixXcd& b);
+/// An x with the least |A x - b|, zero where columns depend on others.
+[[nodiscard]] VectorXcd least_squares(const MatrixXcd& a, const VectorXcd& b);
 
 /// x with A X = B for a symmetric positive definite A. @return false, and X as it was, where A is not
 [[nodiscard]] bool solve_definite(const MatrixXd& a, MatrixXd& x);

@@ -2,7 +2,7 @@
 /// Frequencies chosen one by one, until a rational function through the solutions says what lies between.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cstdint>
 #include <vector>
 

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "base/memory.hpp"
+#include "base/stage.hpp"
 #include "base/stopwatch.hpp"
 #include "harmonic/adaptive.hpp"
 #include "harmonic/respond.hpp"
@@ -200,6 +201,9 @@ HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixVie
     result.loads = columns;
     result.outputs = observer->outputs();
     check_room(result, wanted.size(), options.solver.host_memory_bytes);
+    // Where the answers choose the frequencies nobody knows how many there will be.
+    const double total = options.tolerance > 0 ? 0 : static_cast<double>(wanted.size());
+    const base::Stage stage("frequency response", total, "frequencies");
     Run run(loads, options, shop, result, z, std::move(wanted), *observer);
     if (options.tolerance > 0)
       run.interpolate(shop);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "base/stage.hpp"
 #include "base/stopwatch.hpp"
 #include "matrix/file.hpp"
 #include "solver/solution.hpp"
@@ -170,6 +171,10 @@ std::size_t Lanes::at_a_time() const {
 std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
   std::vector<Answer> out(frequencies.size());
   if (frequencies.empty()) return out;
+  base::Stage* const stage = base::Stage::current("frequency response");
+  const auto tell = [stage] {
+    if (stage != nullptr) stage->add(1);
+  };
   if (analysis_ == nullptr) begin(frequencies[0]);
   double wall = 0;
   {
@@ -178,12 +183,14 @@ std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
     if (analysis_ == nullptr) {
       out[done++] = solve_one(*whole_, frequencies[0]);
       analysis_ = whole_->session.factor->analysis();
+      tell();
     }
     const int workers = most_lanes();
     if (workers == 1 || done + 1 >= frequencies.size()) {
       for (; done < frequencies.size(); ++done) {
         shop_.interruption.check();
         out[done] = solve_one(fresh(whole_, shop_.pool.size(), 1), frequencies[done]);
+        tell();
       }
     } else {
       lanes_.resize(static_cast<std::size_t>(workers));
@@ -193,6 +200,7 @@ std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
         for (std::size_t k = next++; k < frequencies.size(); k = next++) {
           shop_.interruption.check();
           out[k] = solve_one(fresh(lanes_[static_cast<std::size_t>(worker)], 1, workers), frequencies[k]);
+          tell();
         }
       });
     }

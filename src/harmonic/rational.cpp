@@ -1,13 +1,12 @@
 #include "harmonic/rational.hpp"
 
-#include <Eigen/Eigenvalues>
-#include <Eigen/QR>
-#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 #include <complex>
 #include <cstdint>
 #include <limits>
+
+#include "dense/dense.hpp"
 
 namespace espalier::harmonic {
 
@@ -37,9 +36,9 @@ VectorXcd smallest_of_triangle(MatrixXcd r) {
   }
   for (int k = 0; k < kIterations; ++k) {
     v.normalize();
-    r.triangularView<Eigen::Upper>().adjoint().solveInPlace(v);
+    dense::solve_adjoint_upper(r, v);
     v /= v.cwiseAbs().maxCoeff();
-    r.triangularView<Eigen::Upper>().solveInPlace(v);
+    dense::solve_upper(r, v);
     v /= v.cwiseAbs().maxCoeff();
   }
   return v.normalized();
@@ -66,16 +65,8 @@ void Rational::find_weights(const MatrixXd& size) {
   const double none = std::numeric_limits<double>::min();
   const Eigen::VectorXd lengths = loewner.colwise().norm().transpose().cwiseMax(none);
   loewner = loewner * lengths.cwiseInverse().asDiagonal();
-  if (loewner.rows() > columns) {
-    const MatrixXcd r = Eigen::HouseholderQR<MatrixXcd>(loewner).matrixQR().topRows(columns);
-    loewner = r.triangularView<Eigen::Upper>();
-  }
-  if (columns > kSvd) {
-    weights_ = smallest_of_triangle(std::move(loewner));
-  } else {
-    const Eigen::JacobiSVD<MatrixXcd, Eigen::FullPivHouseholderQRPreconditioner> svd(loewner, Eigen::ComputeFullV);
-    weights_ = svd.matrixV().col(columns - 1);
-  }
+  if (loewner.rows() > columns) loewner = dense::qr_triangle(loewner);
+  weights_ = columns > kSvd ? smallest_of_triangle(std::move(loewner)) : dense::last_right_singular_vector(loewner);
   weights_.array() *= lengths.minCoeff() / lengths.array();
 }
 
@@ -148,8 +139,7 @@ std::vector<std::complex<double>> Rational::find_poles() const {
     a.col(j).setConstant(-weights_[j] * sj / total);
     a(j, j) += sj;
   }
-  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a, false);
-  for (const std::complex<double>& p : eigen.eigenvalues())
+  for (const std::complex<double>& p : dense::general_eigenvalues(a))
     if (std::abs(p) > length) out.push_back(p + origin);
   return out;
 }

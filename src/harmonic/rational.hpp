@@ -2,7 +2,7 @@
 /// A rational function of frequency with many components and one denominator, through given samples.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <complex>
 #include <optional>
 #include <vector>

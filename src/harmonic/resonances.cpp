@@ -2,11 +2,11 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "dense/dense.hpp"
 #include "espalier/modes.hpp"
 
 namespace espalier::harmonic {
@@ -22,7 +22,7 @@ constexpr double kSharpest = 1e-9;  // half width of a mode without damping, ove
 MatrixXd projected(const DynamicStiffness& z, Part part, const Eigen::Map<const MatrixXd>& x) {
   MatrixXd ax(x.rows(), x.cols());
   for (Eigen::Index c = 0; c < x.cols(); ++c) z.product(part, x.col(c).data(), ax.col(c).data());
-  return x.transpose() * ax;
+  return dense::transposed_times(x, ax);
 }
 
 // Eigenvalues l and vectors of l^2 M + l C + K, from l [z; l z] = [0 I; -M^-1 K -M^-1 C] [z; l z].
@@ -34,14 +34,17 @@ struct Damped {
 Damped damped_modes(const MatrixXcd& k, const MatrixXcd& c, const MatrixXcd& m) {
   const Eigen::Index q = k.rows();
   MatrixXcd a = MatrixXcd::Zero(2 * q, 2 * q);
-  const Eigen::PartialPivLU<MatrixXcd> lu(m);
+  MatrixXcd both(q, 2 * q);
+  both << k, c;
+  both = dense::solve(m, both);
   // In units of the largest frequency, so that both halves of a vector count alike.
-  const double unit = std::sqrt(std::max(1e-300, lu.solve(k).cwiseAbs().maxCoeff()));
+  const double unit = std::sqrt(std::max(1e-300, both.leftCols(q).cwiseAbs().maxCoeff()));
   a.topRightCorner(q, q).setIdentity();
-  a.bottomLeftCorner(q, q) = -lu.solve(k) / (unit * unit);
-  a.bottomRightCorner(q, q) = -lu.solve(c) / unit;
-  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a);
-  return {eigen.eigenvalues() * unit, eigen.eigenvectors().topRows(q)};
+  a.bottomLeftCorner(q, q) = -both.leftCols(q) / (unit * unit);
+  a.bottomRightCorner(q, q) = -both.rightCols(q) / unit;
+  const dense::ComplexSpectrum eigen = dense::general_eigen(a);
+  if (!eigen.converged) return {};  // resonances only guide where frequencies are sampled
+  return {eigen.values * unit, eigen.vectors.topRows(q)};
 }
 
 }  // namespace

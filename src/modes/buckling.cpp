@@ -66,6 +66,7 @@ BucklingSearch::BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptio
 }
 
 void BucklingSearch::run() {
+  stage_.expect(wanted_);
   if (wanted_ == 0)
     throw Error(StatusCode::invalid_input, "nothing is asked for: give the number of load factors (count)");
   if (wanted_ > pencil_.n() - 2 * multipliers_)
@@ -114,6 +115,7 @@ void BucklingSearch::explore() {
   o.dimension = n - 2 * multipliers_ - known;
   o.block = std::min(options_.block_size > 0 ? options_.block_size : Index{8}, std::max<Index>(o.dimension, 1));
   o.tolerance = options_.tolerance;
+  o.converged = [this, known](Index good) { stage_.reach(known + good); };
   o.seed = options_.seed + 7919 * static_cast<std::uint64_t>(clock_.columns);
   if (o.dimension <= 0) return;
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 3 * o.wanted.positive + 12 * o.block;

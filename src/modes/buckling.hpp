@@ -2,6 +2,7 @@
 /// The smallest positive eigenvalues of K x = l Kg x.
 #pragma once
 
+#include "base/stage.hpp"
 #include "modes/harvest.hpp"
 #include "modes/lanczos.hpp"
 #include "modes/pencil.hpp"
@@ -26,6 +27,7 @@ class BucklingSearch {
   const ModesOptions& options_;
   Workshop& shop_;
   ModesResult& result_;
+  base::Stage stage_{"modes", 0, "load factors"};
   Pencil pencil_;
   Product stiffness_, geometric_;
   SpectralOperator op_;

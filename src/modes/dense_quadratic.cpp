@@ -9,6 +9,7 @@
 #include <numeric>
 #include <vector>
 
+#include "dense/dense.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::modes {
@@ -56,11 +57,9 @@ MatrixXd null_space(const MatrixXd& a, double shift) {
   if (a.rows() == 0) return MatrixXd::Identity(a.cols(), a.cols());
   if (a.rows() > a.cols()) refuse_shift(shift);
   const VectorXd scale = inverse_or_one(a.rowwise().norm());
-  Eigen::ColPivHouseholderQR<MatrixXd> qr((scale.asDiagonal() * a).transpose());
-  qr.setThreshold(kDependent);
-  if (qr.rank() < a.rows()) refuse_shift(shift);
-  const MatrixXd q = qr.householderQ() * MatrixXd::Identity(a.cols(), a.cols());
-  return q.rightCols(a.cols() - a.rows());
+  MatrixXd basis = dense::null_space(scale.asDiagonal() * a, kDependent);
+  if (basis.cols() > a.cols() - a.rows()) refuse_shift(shift);
+  return basis;
 }
 
 /// The problem without the unknowns of which M and C know nothing. Of the rows and columns of K that they have,
@@ -78,39 +77,46 @@ class Reduced {
     left_ = right_ = MatrixXd::Identity(k_.rows(), k_.rows());
     if (static_.empty()) return;
     const Equilibrated own(k(static_, static_));
-    const Eigen::JacobiSVD<MatrixXd> svd(own.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
-    const VectorXd& s = svd.singularValues();
+    const dense::SingularValues svd = dense::singular_values(own.a);
+    const VectorXd& s = svd.values;
     const Eigen::Index rank = (s.array() > kDependent * std::max(s[0], kTiny)).count();
-    const MatrixXd u = own.rows.asDiagonal() * svd.matrixU(), v = own.columns.asDiagonal() * svd.matrixV();
+    const MatrixXd u = own.rows.asDiagonal() * svd.u, v = own.columns.asDiagonal() * svd.v;
     const MatrixXd k_ad = k(static_, dynamic_), k_da = k(dynamic_, static_);
-    follows_ = v.leftCols(rank) * s.head(rank).cwiseInverse().asDiagonal() * u.leftCols(rank).transpose() * k_ad;
+    MatrixXd seen = dense::transposed_times(u.leftCols(rank), k_ad);
+    for (Eigen::Index i = 0; i < rank; ++i) seen.row(i) /= s[i];
+    follows_ = dense::times(v.leftCols(rank), seen);
     free_ = v.rightCols(v.cols() - rank);
-    pulls_ = k_da * free_;
-    k_ -= k_da * follows_;
-    right_ = null_space(u.rightCols(u.cols() - rank).transpose() * k_ad, shift);
+    pulls_ = dense::times(k_da, free_);
+    k_ -= dense::times(k_da, follows_);
+    right_ = null_space(dense::transposed_times(u.rightCols(u.cols() - rank), k_ad), shift);
     left_ = null_space(pulls_.transpose(), shift);
   }
 
-  [[nodiscard]] MatrixXd k() const { return left_.transpose() * k_ * right_; }
-  [[nodiscard]] MatrixXd c() const { return left_.transpose() * c_ * right_; }
-  [[nodiscard]] MatrixXd m() const { return left_.transpose() * m_ * right_; }
+  [[nodiscard]] MatrixXd k() const { return projected(k_); }
+  [[nodiscard]] MatrixXd c() const { return projected(c_); }
+  [[nodiscard]] MatrixXd m() const { return projected(m_); }
 
   /// The whole vector to one of the reduced problem.
   [[nodiscard]] VectorXcd expanded(Complex l, const VectorXcd& y) const {
-    VectorXcd x = right_ * y;
+    VectorXcd x = dense::real_times_complex(right_, y);
     VectorXcd out(static_cast<Eigen::Index>(static_.size() + dynamic_.size()));
     out(dynamic_) = x;
     if (static_.empty()) return x;
-    VectorXcd rest = -(follows_ * x);
+    VectorXcd rest = -dense::real_times_complex(follows_, x);
     if (free_.cols() > 0) {
-      const VectorXcd force = -(k_ * x + l * (c_ * x) + l * l * (m_ * x));
-      rest += free_ * pulls_.cast<Complex>().colPivHouseholderQr().solve(force);
+      const VectorXcd force = -(dense::real_times_complex(k_, x) + l * dense::real_times_complex(c_, x) +
+                                l * l * dense::real_times_complex(m_, x));
+      rest += dense::real_times_complex(free_, dense::least_squares(pulls_.cast<Complex>(), force));
     }
     out(static_) = rest;
     return out;
   }
 
  private:
+  [[nodiscard]] MatrixXd projected(const MatrixXd& a) const {
+    return dense::times(dense::transposed_times(left_, a), right_);
+  }
+
   std::vector<Eigen::Index> dynamic_, static_;
   MatrixXd k_, c_, m_, follows_, free_, pulls_, right_, left_;
 };
@@ -139,16 +145,14 @@ VectorXd balance(MatrixXd& a) {
 /// Infinite eigenvalues at least: null vectors of M, and those of C among them.
 Eigen::Index infinite(const MatrixXd& c, const MatrixXd& m) {
   const Equilibrated scaled(m);
-  const Eigen::JacobiSVD<MatrixXd> svd(scaled.a, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const VectorXd& s = svd.singularValues();
+  const dense::SingularValues svd = dense::singular_values(scaled.a);
+  const VectorXd& s = svd.values;
   const Eigen::Index null = s.size() - (s.array() > kDependent * std::max(s[0], kTiny)).count();
   if (null == 0) return 0;
-  const MatrixXd u = scaled.rows.asDiagonal() * svd.matrixU().rightCols(null);
-  const MatrixXd v = scaled.columns.asDiagonal() * svd.matrixV().rightCols(null);
-  const MatrixXd inner = Equilibrated(u.transpose() * c * v).a;
-  Eigen::FullPivLU<MatrixXd> lu(inner);
-  lu.setThreshold(kDependent);
-  return null + (null - lu.rank());
+  const MatrixXd u = scaled.rows.asDiagonal() * svd.u.rightCols(null);
+  const MatrixXd v = scaled.columns.asDiagonal() * svd.v.rightCols(null);
+  const MatrixXd inner = Equilibrated(dense::transposed_times(u, dense::times(c, v))).a;
+  return null + (null - dense::rank_by_complete_pivoting(inner, kDependent));
 }
 
 /// How far pairs are from being solutions, in equilibrated rows and unknowns.
@@ -161,7 +165,10 @@ class Residuals {
   /// Of z, x over its scale.
   [[nodiscard]] double operator()(Complex l, const VectorXcd& z) const {
     const double a = std::abs(l), size = a * a * m_norm_ + a * c_norm_ + k_norm_;
-    return (k_ * z + l * (c_ * z) + l * l * (m_ * z)).norm() / (size * z.norm());
+    return (dense::real_times_complex(k_, z) + l * dense::real_times_complex(c_, z) +
+            l * l * dense::real_times_complex(m_, z))
+               .norm() /
+           (size * z.norm());
   }
 
  private:
@@ -175,7 +182,7 @@ struct Linearized {
   Linearized(const MatrixXd& k, const MatrixXd& c, const MatrixXd& m, double shift) {
     const Eigen::Index n = k.rows();
     const Equilibrated q(k + shift * c + shift * shift * m);
-    const Eigen::PartialPivLU<MatrixXd> lu(q.a);
+    const dense::Lu lu(q.a);
     if (!(lu.rcond() > kQuadraticEpsilon)) refuse_shift(shift);
     a = MatrixXd::Zero(2 * n, 2 * n);
     a.topLeftCorner(n, n) = -lu.solve(q.rows.asDiagonal() * (c + 2 * shift * m) * q.columns.asDiagonal());
@@ -219,11 +226,10 @@ DenseQuadraticModes dense_quadratic_modes(const MatrixXd& k, const MatrixXd& c, 
   const Eigen::Index n = rk.rows();
   if (n == 0) return {};
   const Linearized linear(rk, rc, rm, shift);
-  const Eigen::EigenSolver<MatrixXd> eigen(linear.a);
-  if (eigen.info() != Eigen::Success)
-    throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
-  const VectorXcd& theta = eigen.eigenvalues();
-  const MatrixXcd vectors = eigen.eigenvectors();
+  const dense::ComplexSpectrum eigen = dense::general_eigen(linear.a);
+  if (!eigen.converged) throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
+  const VectorXcd& theta = eigen.values;
+  const MatrixXcd& vectors = eigen.vectors;
   std::vector<Eigen::Index> chosen(static_cast<std::size_t>(2 * n));
   std::iota(chosen.begin(), chosen.end(), Eigen::Index{0});
   std::stable_sort(chosen.begin(), chosen.end(),
@@ -261,8 +267,9 @@ double polish_quadratic_pair(const MatrixXd& k, const MatrixXd& c, const MatrixX
                            .unaryExpr([](double y) { return y > 0 ? 1 / std::sqrt(y) : 1.0; });
     const MatrixXcd q = e.asDiagonal() * (k.cast<Complex>() + l * c + l * l * m) * e.asDiagonal();
     const VectorXcd z = x.cwiseQuotient(e.cast<Complex>());
-    const VectorXcd slope = e.cast<Complex>().asDiagonal() * (c * x + 2.0 * l * (m * x));
-    const VectorXcd w = Eigen::PartialPivLU<MatrixXcd>(q).solve(slope);
+    const VectorXcd slope =
+        e.cast<Complex>().asDiagonal() * (dense::real_times_complex(c, x) + 2.0 * l * dense::real_times_complex(m, x));
+    const VectorXcd w = dense::solve(q, slope);
     const Complex step = z.squaredNorm() / z.dot(w);
     const double change = std::abs(step) / std::max(a, kTiny);
     if (!std::isfinite(change) || !w.allFinite() || change > before) break;

@@ -2,7 +2,7 @@
 /// All eigenvalues of a small quadratic problem (l^2 M + l C + K) x = 0.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <complex>
 
 #include "espalier/matrix.hpp"

@@ -6,9 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <optional>
 #include <utility>
 #include <vector>
 
+#include "dense/dense.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::modes {
@@ -35,9 +37,9 @@ class ShiftedPencil {
       k_.col(r) /= length;
     }
     m_ = scale_.head(n_).asDiagonal() * m * scale_.head(n_).asDiagonal();
-    const Eigen::LLT<MatrixXd> llt(m_);
-    if (llt.info() != Eigen::Success) refuse_mass(-1);
-    l_ = llt.matrixL();
+    std::optional<MatrixXd> factor = dense::cholesky(m_);
+    if (!factor) refuse_mass(-1);
+    l_ = std::move(*factor);
   }
 
   [[nodiscard]] Eigen::Index rows() const { return n_; }
@@ -61,22 +63,22 @@ class ShiftedPencil {
     const VectorXd e = equilibrate(a);
     MatrixXd right = MatrixXd::Zero(a.rows(), n_);
     right.topRows(n_) = e.head(n_).asDiagonal() * l_;
-    const MatrixXd solved = Eigen::PartialPivLU<MatrixXd>(a).solve(right);
-    MatrixXd c = l_.transpose() * (e.head(n_).asDiagonal() * solved.topRows(n_));
+    const MatrixXd solved = dense::Lu(a).solve(right);
+    MatrixXd c = dense::transposed_times(l_, e.head(n_).asDiagonal() * solved.topRows(n_));
     c = ((c + c.transpose()) / 2).eval();
     if (!c.allFinite()) return {};  // on an eigenvalue
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(c);
-    return ordered(shift, eigen.eigenvalues(), eigen.eigenvectors(), known);
+    const dense::Spectrum eigen = dense::symmetric_eigen(c);
+    return ordered(shift, eigen.values, eigen.vectors, known);
   }
 
   /// x with x^T M x = 1, from a vector of a slice.
   [[nodiscard]] MatrixXd shapes(const MatrixXd& u) const {
-    return scale_.head(n_).asDiagonal() * l_.transpose().triangularView<Eigen::Upper>().solve(u);
+    return scale_.head(n_).asDiagonal() * dense::solve_transposed_lower(l_, u);
   }
   /// By rounding of the entries of K; x as it comes from shapes().
   [[nodiscard]] double entry_rounding(const VectorXd& x) const {
     const VectorXd y = x.cwiseQuotient(scale_.head(n_)).cwiseAbs();
-    return kSymmetricEpsilon / 2 * y.dot(k_.topLeftCorner(n_, n_).cwiseAbs() * y);
+    return kSymmetricEpsilon / 2 * y.dot(dense::times(k_.topLeftCorner(n_, n_).cwiseAbs(), y).col(0));
   }
 
  private:
@@ -211,11 +213,10 @@ class Spectrum {
     std::iota(order.begin(), order.end(), Eigen::Index{0});
     const auto part = [&](Eigen::Index i) { return errors_[i] / std::max(std::abs(values_[i]), 1e-300); };
     std::stable_sort(order.begin(), order.end(), [&](Eigen::Index a, Eigen::Index b) { return part(a) < part(b); });
-    const Eigen::HouseholderQR<MatrixXd> qr(vectors(Eigen::all, order));
-    const MatrixXd q = qr.householderQ() * MatrixXd::Identity(vectors.rows(), vectors.cols());
+    const dense::QrFactors qr = dense::qr_factors(vectors(Eigen::all, order));
     MatrixXd out(vectors.rows(), vectors.cols());
     for (Eigen::Index j = 0; j < out.cols(); ++j)
-      out.col(order[static_cast<std::size_t>(j)]) = (qr.matrixQR()(j, j) < 0 ? -1.0 : 1.0) * q.col(j);
+      out.col(order[static_cast<std::size_t>(j)]) = (qr.r(j, j) < 0 ? -1.0 : 1.0) * qr.q.col(j);
     return out;
   }
 

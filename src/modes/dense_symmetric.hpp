@@ -2,7 +2,7 @@
 /// All modes of a small symmetric pencil, the lowest to full relative accuracy whatever the range of the spectrum.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 namespace espalier::modes {
 

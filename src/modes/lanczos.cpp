@@ -6,8 +6,10 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+#include <utility>
 
 #include "base/stopwatch.hpp"
+#include "dense/dense.hpp"
 
 namespace espalier::modes {
 
@@ -60,6 +62,9 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
     const bool full = j_ + width > capacity_, exhausted = width == 0;
     if (j_ < look && !full && !exhausted) continue;
     const Ritz now = ritz(width);
+    if (options_.converged)
+      options_.converged(std::min(now.good_negative, options_.wanted.negative) +
+                         std::min(now.good_positive, options_.wanted.positive));
     look = j_ + std::max(options_.block, j_ / 12);
     if (exhausted || enough(now) || stalled(now) || restarts_ >= options_.restarts) return result(now, exhausted);
     if (!full) continue;
@@ -147,7 +152,7 @@ Index Lanczos::orthonormalize(Index columns, Index width, Dense* h, Dense* r) {
     }
     const Dense all = space_.blocks.gram(space_.basis, known_ + columns, image, left);
     space_.blocks.subtract(space_.basis, all, w);
-    if (h != nullptr) *h += all.bottomRows(columns) * total;
+    if (h != nullptr) *h += dense::times(all.bottomRows(columns), total);
     op_.b(w, image, left);
     Dense step;
     left = independent(w, image, left, {size, room, pass == 0, pass + 1 == kMostPasses}, total, step);
@@ -182,17 +187,18 @@ Index Lanczos::independent(double* w, double* image, Index width, const Dropping
     unscale[k] = dropping.first ? std::sqrt(g(k, k)) : 1;
     scale[k] = 1 / unscale[k];
   }
-  const Eigen::SelfAdjointEigenSolver<Dense> eigen(scale.asDiagonal() * ((g + g.transpose()) / 2) * scale.asDiagonal());
-  const Dense u = eigen.eigenvectors().rowwise().reverse();  // what counts most comes first
-  const Vector values = eigen.eigenvalues().reverse(), root = values.cwiseMax(kRaised).cwiseSqrt();
+  const dense::Spectrum eigen =
+      dense::symmetric_eigen(Dense(scale.asDiagonal() * ((g + g.transpose()) / 2) * scale.asDiagonal()));
+  const Dense u = eigen.vectors.rowwise().reverse();  // what counts most comes first
+  const Vector values = eigen.values.reverse(), root = values.cwiseMax(kRaised).cwiseSqrt();
   Dense to_q = scale.asDiagonal() * u * root.cwiseInverse().asDiagonal();
   Dense from_q = root.asDiagonal() * u.transpose() * unscale.asDiagonal();
   if (values[width - 1] > 0.5 &&
       width <= dropping.room) {  // the polar factor: near the identity where W is nearly orthonormal already
-    to_q = (to_q * u.transpose()).eval();
-    from_q = (u * from_q).eval();
+    to_q = dense::times(to_q, u.transpose());
+    from_q = dense::times(u, from_q);
   }
-  const Dense next = from_q * total;
+  const Dense next = dense::times(from_q, total);
   std::vector<Index> kept;
   for (Index k = 0; k < std::min(width, dropping.room); ++k)
     if ((!dropping.last || values[k] > 0.5) && next.row(k).norm() > 1e-3 * kEps * dropping.size) kept.push_back(k);
@@ -206,11 +212,12 @@ Index Lanczos::independent(double* w, double* image, Index width, const Dropping
 
 Lanczos::Ritz Lanczos::ritz(Index width) const {
   Ritz out;
-  const Eigen::SelfAdjointEigenSolver<Dense> eigen(t_.topLeftCorner(j_, j_));
-  out.theta = eigen.eigenvalues();
-  out.vectors = eigen.eigenvectors();
+  dense::Spectrum eigen = dense::symmetric_eigen(Dense(t_.topLeftCorner(j_, j_)));
+  out.theta = std::move(eigen.values);
+  out.vectors = std::move(eigen.vectors);
   out.residual = Vector::Zero(j_);
-  if (width > 0 && coupling_.rows() > 0) out.residual = (coupling_ * out.vectors).colwise().norm().transpose();
+  if (width > 0 && coupling_.rows() > 0)
+    out.residual = dense::times(coupling_, out.vectors).colwise().norm().transpose();
   const double least = kSmallest * out.theta.cwiseAbs().maxCoeff();
   for (Index k = 0; k < j_ && out.theta[k] < -least; ++k) out.negative.push_back(k);
   for (Index k = j_; k-- > 0 && out.theta[k] > least;) out.positive.push_back(k);
@@ -257,7 +264,7 @@ void Lanczos::restart(const Ritz& ritz, Index width) {
   for (Index k = 0; k < p; ++k) s.col(k) = ritz.vectors.col(kept[static_cast<std::size_t>(k)]);
   space_.blocks.combine(v(0), s, v(0));
   space_.blocks.copy(v(j_), v(p), width);  // p < j_: from the left to the left
-  coupling_ = (coupling_ * s).eval();
+  coupling_ = dense::times(coupling_, s);
   t_.setZero();
   for (Index k = 0; k < p; ++k) t_(k, k) = ritz.theta[kept[static_cast<std::size_t>(k)]];
   j_ = p;

@@ -42,6 +42,7 @@ struct LanczosOptions {
   double tolerance = 1e-9;
   int restarts = 60;  ///< most of them
   std::uint64_t seed = 1;
+  std::function<void(Index)> converged;  ///< told of how many there are, now and then; may be empty
 };
 
 /// What was found: theta with its residual ||OP v - theta v||_B; vectors are columns of the basis.

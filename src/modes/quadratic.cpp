@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numeric>
 
+#include "dense/dense.hpp"
 #include "matrix/norms.hpp"
 #include "modes/dense_quadratic.hpp"
 #include "modes/pencil.hpp"
@@ -130,8 +131,8 @@ bool QuadraticSearch::expand(Eigen::Index columns) {
     const double before = w.norm();
     const auto known = basis_.leftCols(size_ + 1);
     for (int pass = 0; pass < 2; ++pass) {
-      const VectorXd share = known.transpose() * w;
-      w -= known * share;
+      const VectorXd share = dense::transposed_times(known, w);
+      w -= dense::times(known, share);
       h_.col(size_).head(size_ + 1) += share;
     }
     const double left = w.norm();
@@ -153,7 +154,8 @@ void QuadraticSearch::measure_scale() {
   for (int round = 0; round < 3; ++round) {
     begin();
     expand(std::min<Eigen::Index>(kFirstLook, 2 * k_.rows - 1));
-    const double theta = h_.topLeftCorner(size_, size_).eigenvalues().cwiseAbs().maxCoeff();
+    const double theta =
+        dense::general_eigenvalues(Eigen::MatrixXd(h_.topLeftCorner(size_, size_))).cwiseAbs().maxCoeff();
     if (!(theta > 0)) return;
     scale_ = 1 / theta;
   }
@@ -176,7 +178,8 @@ void QuadraticSearch::add(std::complex<double> l, VectorXcd x) {
 
 void QuadraticSearch::deliver(const VectorXcd& theta, const Eigen::MatrixXcd& s,
                               const std::vector<Eigen::Index>& chosen) {
-  for (const Eigen::Index k : chosen) add(shift_ + 1.0 / theta[k], basis_.topLeftCorner(k_.rows, size_) * s.col(k));
+  for (const Eigen::Index k : chosen)
+    add(shift_ + 1.0 / theta[k], dense::real_times_complex(basis_.topLeftCorner(k_.rows, size_), s.col(k)));
 }
 
 void QuadraticSearch::take_all() {
@@ -195,9 +198,10 @@ void QuadraticSearch::take_all() {
 }
 
 bool QuadraticSearch::look(bool last) {
-  const Eigen::EigenSolver<Eigen::MatrixXd> eigen(h_.topLeftCorner(size_, size_));
-  const VectorXcd& theta = eigen.eigenvalues();
-  const Eigen::MatrixXcd s = eigen.eigenvectors();
+  const dense::ComplexSpectrum eigen = dense::general_eigen(Eigen::MatrixXd(h_.topLeftCorner(size_, size_)));
+  if (!eigen.converged) throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
+  const VectorXcd& theta = eigen.values;
+  const Eigen::MatrixXcd& s = eigen.vectors;
   const double coupling = h_.rows() > size_ ? h_(size_, size_ - 1) : 0;
   const double largest = theta.cwiseAbs().maxCoeff();
   std::vector<Eigen::Index> order(slot(size_)), chosen;
@@ -217,6 +221,7 @@ bool QuadraticSearch::look(bool last) {
     chosen.push_back(k);
   }
   const bool all = good && static_cast<Index>(chosen.size()) == options_.count;
+  stage_.reach(static_cast<double>(chosen.size()));
   if (all || last) deliver(theta, s, chosen);
   return all;
 }
@@ -225,6 +230,7 @@ void QuadraticSearch::search() {
   const Eigen::Index whole = 2 * Eigen::Index{k_.rows};
   const Eigen::Index most = std::min(
       whole - 1, options_.basis_size > 0 ? Eigen::Index{options_.basis_size} : 20 * Eigen::Index{options_.count} + 200);
+  stage_.expect(options_.count);
   factorize();
   measure_scale();
   begin();

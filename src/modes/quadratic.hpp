@@ -2,10 +2,11 @@
 /// The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <complex>
 #include <vector>
 
+#include "base/stage.hpp"
 #include "espalier/modes.hpp"
 #include "modes/workshop.hpp"
 
@@ -40,6 +41,7 @@ class QuadraticSearch {
   const QuadraticModesOptions& options_;
   Workshop& shop_;
   QuadraticModesResult& result_;
+  base::Stage stage_{"modes", 0, "modes"};
   SparseMatrix k_, c_, m_;  // general, both triangles
   SparseMatrix shifted_;    // C + 2 s M
   double k_norm_ = 0, c_norm_ = 0, m_norm_ = 0;

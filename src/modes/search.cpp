@@ -63,6 +63,7 @@ void Search::clear_massless(double* x, Index columns) const {
 void Search::run() {
   measure();
   look_at_mass_and_prepare();
+  stage_.expect(options_.count);
   result_.finite = report_.finite;
   result_.massless = report_.massless;
   if (options_.count > report_.finite) refuse_count();
@@ -79,6 +80,7 @@ void Search::run() {
 void Search::seek() {
   wanted_ = options_.count > 0 ? options_.count : report_.finite;
   if (!std::isinf(options_.below)) count_below_bound();
+  stage_.expect(wanted_);
   if (wanted_ == 0 || finished()) return;
   choose_first();
   do {
@@ -152,6 +154,7 @@ void Search::explore() {
   o.tolerance = options_.tolerance;
   o.seed = options_.seed + 7919 * draws_++;
   const Index known = known_beyond(from), want = o.wanted.negative + o.wanted.positive;
+  o.converged = [this, before = harvest_.size()](Index good) { stage_.reach(before + good); };
   o.dimension = report_.rank - known;
   const Index usual = options_.basis_size > 0 ? options_.basis_size : 2 * want + 12 * block_;
   const Index most = std::min<Index>(std::max(usual, want + 3 * block_), o.dimension + block_) + known;
@@ -168,6 +171,7 @@ void Search::explore() {
     found = search(sought_now);
   }
   news_ = harvest_.size() > had;
+  stage_.reach(harvest_.size());
   shop_.log(fmt::format("modes: shift {:.6g}: {} of {} below and {} of {} above it found, {} right-hand sides so far",
                         shift_, found.found.negative, left, found.found.positive, right, clock_.columns));
 }

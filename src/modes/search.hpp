@@ -9,6 +9,7 @@
 #include <optional>
 #include <vector>
 
+#include "base/stage.hpp"
 #include "modes/device_search.hpp"
 #include "modes/harvest.hpp"
 #include "modes/lanczos.hpp"
@@ -74,6 +75,7 @@ class Search {
   const ModesOptions& options_;
   Workshop& shop_;
   ModesResult& result_;
+  base::Stage stage_{"modes", 0, "modes"};
   Pencil pencil_;
   Product stiffness_, mass_;
   std::vector<double> mass_diagonal_;

@@ -1,6 +1,10 @@
 #include "modes/tall.hpp"
 
+#include <limits>
+#include <optional>
 #include <vector>
+
+#include "dense/dense.hpp"
 
 namespace espalier::modes {
 
@@ -47,6 +51,16 @@ Dense sum_of_ranges(base::ThreadPool& pool, Index n, Index rows, Index cols, con
   return total;
 }
 
+// S with S^T G S = I: L^-T of G = L L^T. Of columns that depend on each other G is not definite; its eigenvectors then
+// give as many directions as there are, and rounding for the others, which the second pass makes orthonormal.
+Dense to_orthonormal(const Dense& g) {
+  if (const std::optional<Dense> l = dense::cholesky(g))
+    return dense::solve_transposed_lower(*l, Dense::Identity(g.rows(), g.cols()));
+  const dense::Spectrum eigen = dense::symmetric_eigen(g);
+  const double least = std::numeric_limits<double>::epsilon() * eigen.values.cwiseAbs().maxCoeff();
+  return eigen.vectors * eigen.values.cwiseMax(least).cwiseSqrt().cwiseInverse().asDiagonal();
+}
+
 }  // namespace
 
 Dense gram(base::ThreadPool& pool, Index n, const double* v, Index p, const double* w, Index b) {
@@ -88,9 +102,7 @@ void orthonormalize(base::ThreadPool& pool, const Apply& b, Tall& v, Tall& work)
       b(v.col(c), work.col(0), width);
       g.middleCols(c, width) = gram(pool, n, v.col(0), count, work.col(0), width);
     }
-    const Eigen::LLT<Dense> llt((g + g.transpose()) / 2);
-    Dense to_q = Dense::Identity(count, count);
-    llt.matrixU().solveInPlace(to_q);
+    const Dense to_q = to_orthonormal((g + g.transpose()) / 2);
     combine(pool, n, v.col(0), to_q, v.col(0));
   }
 }

@@ -3,7 +3,7 @@
 /// are cut into ranges that do not depend on it, and sums of ranges are added in order.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <cstdint>
 #include <functional>
 

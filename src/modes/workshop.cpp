@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/stage.hpp"
 #include "matrix/file.hpp"
 #include "solver/session.hpp"
 #include "solver/status_of.hpp"
@@ -25,7 +26,7 @@ base::Interruption::Clock::duration period_of(const Options& o) {
 
 Workshop::Workshop(const Options& the_options)
     : options(the_options),
-      interruption(options.interrupted, period_of(options)),
+      interruption(base::telling(options.interrupted), period_of(options)),
       pool(solver::threads_of(options), &interruption),
       budget("host memory", options.host_memory_bytes) {}
 

@@ -78,7 +78,7 @@ device::OutOfCoreReport DeviceRun<T>::report(Offset budget_bytes) const {
 // ---- what computes --------------------------------------------------------------------------------------------------
 
 template <class T>
-void DeviceRun<T>::run_all() {
+void DeviceRun<T>::run_all(base::Stage* stage, double share) {
   std::array<std::int64_t, kQueues> numbers{};
   for (const Operation* op : runs_) {
     if (options_.interruption != nullptr) options_.interruption->check();
@@ -92,6 +92,7 @@ void DeviceRun<T>::run_all() {
     const std::int64_t number = ++numbers[static_cast<std::size_t>(op->queue)];
     backend_->mark(op->queue, number);
     progress_.asked(number_, op->queue, number);
+    if (stage != nullptr) stage->add_share(share / static_cast<double>(runs_.size()));
   }
   progress_.wait_asked(number_, Queue::in, static_cast<std::int64_t>(loads_.size()));
   progress_.wait_done(number_, Queue::out, static_cast<std::int64_t>(stores_.size()));

@@ -8,6 +8,7 @@
 #include <span>
 #include <vector>
 
+#include "base/stage.hpp"
 #include "base/thread_pool.hpp"
 #include "out_of_core/backend.hpp"
 #include "out_of_core/copies.hpp"
@@ -27,7 +28,8 @@ class DeviceRun {
   void prepare(const OutOfCorePlan& plan, const std::vector<OutOfCoreBackend<T>*>& peers);
   /// @param pinned  of the store
   void begin(std::span<const T> values, T* store, const PinnedStore& pinned);
-  void run_all();
+  /// @param stage  that of the factorization, in which each operation is a part of `share`; may be null
+  void run_all(base::Stage* stage, double share);
   void load_all();
   void store_all();
 

@@ -79,12 +79,13 @@ class OutOfCoreExecutor final : public device::Executor<T> {
     error_ = nullptr;
     if (again_) pinned_->start();
     again_ = true;
+    base::Stage* const stage = base::Stage::current("factorization");
     for (auto& d : devices_) d.begin(values, store_.data(), *pinned_);
     crew_.run([&](int worker) {
       auto& d = devices_[static_cast<std::size_t>(worker / kRoles)];
       switch (worker % kRoles) {
         case 0:
-          return guarded(d, [&] { d.run_all(); });
+          return guarded(d, [&] { d.run_all(stage, 1.0 / static_cast<double>(devices_.size())); });
         case 1:
           return guarded(d, [&] { d.load_all(); });
         default:

@@ -1,5 +1,7 @@
 #include "solve/row_sums.hpp"
 
+#include "base/vector_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "solve/row_sums.cpp"
 #include "hwy/foreach_target.h"  // must precede highway.h

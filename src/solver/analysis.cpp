@@ -9,6 +9,7 @@
 
 #include "analysis/ordering.hpp"
 #include "analysis/verify.hpp"
+#include "base/stage.hpp"
 #include "matrix/validate.hpp"
 #include "plan/plan_bytes.hpp"
 #include "solve/rank_residual.hpp"
@@ -139,6 +140,7 @@ void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree
 // Chooses devices and lays out the plan: the end of every analysis.
 Analyzed finish(Ordered&& given, double ordered, Context context) {
   auto [draft, tree, start] = std::move(given);
+  const base::Stage stage("plan");
   const device::PlanWish wish = wish_of(draft.system, context);
   Changes changes{context.link != nullptr
                       ? device_of_ranks(context.options, context.registry, *context.link, tree, wish)
@@ -176,6 +178,7 @@ Draft prepare(const GivenMatrix& a, Kind kind, const Context& context) {
   draft.system.kind = kind;
   draft.system.prepared = prepare_matrix(a, kind, context.pool);
   const double copied = base::now_seconds();
+  const base::Stage stage("scaling and matching");
   scale_and_match(draft.system.prepared, kind, context.options, context.pool);
   draft.result.matching_seconds = base::now_seconds() - copied;
   return draft;
@@ -183,6 +186,7 @@ Draft prepare(const GivenMatrix& a, Kind kind, const Context& context) {
 
 analysis::AssemblyTree tree_of(Draft& draft, const Context& context) {
   const double start = base::now_seconds();
+  const base::Stage stage("ordering");
   const PreparedMatrix& p = draft.system.prepared;
   draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   analysis::TreeOptions options;
@@ -258,6 +262,7 @@ Ordered order(const GivenMatrix& given, const Context& context, std::shared_ptr<
 }
 
 Analyzed analyze(const GivenMatrix& given, const Context& context, std::shared_ptr<const Border> border) {
+  const base::Stage stage("analysis");
   return finish(order(given, context, std::move(border)), context);
 }
 

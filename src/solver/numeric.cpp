@@ -8,6 +8,7 @@
 
 #include "analysis/border.hpp"
 #include "base/scalar.hpp"
+#include "base/stage.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
 #include "solver/whole_plan.hpp"
@@ -30,6 +31,8 @@ class NumericOf final : public Numeric {
   NumericOf(const Analysis& analysis, std::span<const double> values, std::span<const double> border_values,
             const Context& context)
       : plan_(&analysis.plan),
+        flops_(analysis.flops()),
+        predicted_seconds_(analysis.result.predicted_seconds),
         prepared_(analysis.system->prepared),
         real_form_(analysis.system->real_form.get()),
         scales_{prepared_.row_scale, prepared_.col_scale, prepared_.transform_log, prepared_.wide},
@@ -61,6 +64,7 @@ class NumericOf final : public Numeric {
   }
 
   device::FactorOutcome factorize() override {
+    const base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
     if (device_ != nullptr) {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
       std::vector<double> given(given_.size());  // some may be there alone
@@ -97,6 +101,7 @@ class NumericOf final : public Numeric {
     return true;
   }
   device::FactorOutcome factorize_rest() override {
+    const base::Stage stage("factorization", flops_, "flops");
     executor_->set_pivot_rule(rule_);
     if (!position_.empty()) (void)scale();
     return executor_->factorize(values_.span());
@@ -119,6 +124,7 @@ class NumericOf final : public Numeric {
   void scale_by_matching(bool matching) override { matching_ = matching; }
   device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
+    const base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
     device_->take_values(values);
     return device_->factorize(smallest_pivot_);
   }
@@ -129,6 +135,7 @@ class NumericOf final : public Numeric {
   // One by one where the budget has no room for several right-hand sides.
   void solve(const double* b, double* x, Index columns, bool transpose) override {
     const Offset n = Offset{plan_->tree.n} * (kComplex ? 2 : 1);
+    base::Stage* const stage = base::Stage::current("substitution");
     Index most = kMostColumnsAtOnce;
     for (Index done = 0; done < columns;) {
       const Index now = std::min(columns - done, most);
@@ -141,6 +148,7 @@ class NumericOf final : public Numeric {
         continue;
       }
       done += now;
+      if (stage != nullptr) stage->reach(done);
     }
   }
 
@@ -361,6 +369,7 @@ class NumericOf final : public Numeric {
   static constexpr double kFar = 0x1p40;       // from 1: then a right-hand side gets a unit of its own
 
   const plan::Plan* plan_;
+  double flops_, predicted_seconds_;  // of a factorization
   const PreparedMatrix& prepared_;
   const RealForm* real_form_;  // null: there is none
   Scales scales_;

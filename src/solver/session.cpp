@@ -13,6 +13,7 @@
 
 #include "base/beside.hpp"
 #include "base/forks.hpp"
+#include "base/stage.hpp"
 #include "solver/device_text.hpp"
 #include "solver/option_check.hpp"
 
@@ -54,7 +55,7 @@ int threads_of(const Options& o, const ranks::Link* link) {
 Session::Session(const Ranks& the_ranks, Options the_options, const device::Registry& registry)
     : ranks(the_ranks),
       options(std::move(the_options)),
-      interruption(options.interrupted, period_of(options)),
+      interruption(base::telling(options.interrupted), period_of(options)),
       pool(threads_of(options, link()), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),
@@ -64,7 +65,7 @@ Session::Session(const Ranks& the_ranks, Options the_options, const device::Regi
 Session::Session(const Session& other, int threads)
     : ranks(other.ranks),
       options(other.options),
-      interruption(options.interrupted, period_of(options)),
+      interruption(base::telling(options.interrupted), period_of(options)),
       pool(threads > 0 ? threads : other.pool.size(), &interruption),
       budget("host memory", options.host_memory_bytes),
       timeline(timeline_of(options)),

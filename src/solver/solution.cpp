@@ -9,6 +9,7 @@
 #include <limits>
 #include <vector>
 
+#include "base/stage.hpp"
 #include "solve/refinement.hpp"
 #include "solver/condition.hpp"
 
@@ -94,6 +95,7 @@ class Solving {
       return false;
     }
     try {
+      base::Stage stage("solve", job.columns, "columns");
       for (Index first = 0; first < job.columns; first += kColumnsOnDevice) {
         const Index now = std::min(kColumnsOnDevice, job.columns - first);
         double* from = device->right_hand_sides(now);
@@ -101,6 +103,7 @@ class Solving {
         device->send(from, job.b + first * n, now * n);
         on_device(*device, {from, to, now, job.transpose});
         device->fetch(job.x + first * n, to, now * n);
+        stage.reach(first + now);
       }
     } catch (const Error& e) {
       // Other ranks are in the middle of it.
@@ -134,11 +137,15 @@ class Solving {
  private:
   // First solution and refinement where `space` is; adds to what the result says of earlier columns.
   void refine(const solve::ResidualSpace& space, const solve::Preconditioner& apply, const SolveJob& job) {
-    apply(job.b, job.x, job.columns);
+    {
+      const base::Stage stage("substitution", job.columns, "columns");
+      apply(job.b, job.x, job.columns);
+    }
     if (nobody_looks(options_)) {
       result_.backward_error = result_.componentwise_error = std::numeric_limits<double>::quiet_NaN();
       return;
     }
+    const base::Stage stage("refinement");
     solve::RefinementOptions refinement;
     refinement.steps = factor_.precision() == Precision::fp32 ? 0 : options_.refinement_steps;
     refinement.target = options_.refinement_target;

@@ -278,7 +278,7 @@ TEST(Harmonic, AStopIsHeardWithinAFactorization) {
   ASSERT_TRUE(harmonic_response(k, {}, m, f, 1, o).status.ok());
   EXPECT_GT(asked, 20 * o.points);
   const int all = asked;
-  for (const int after : {all / 4, all / 2, all * 3 / 4}) {
+  for (const int after : {all / 8, all / 4, all / 2}) {  // threads that wait ask as well: not equally often in each run
     asked = 0;
     o.solver.interrupted = [&] { return ++asked >= after; };
     EXPECT_EQ(harmonic_response(k, {}, m, f, 1, o).status.code, StatusCode::cancelled);

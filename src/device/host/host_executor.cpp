@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "base/stage.hpp"
 #include "device/host/halting.hpp"
 #include "device/host/numeric_state.hpp"
 #include "device/host/outcome.hpp"
@@ -195,6 +196,7 @@ class HostExecutor final : public Executor<T> {
     const double start = base::now_seconds();
     const KeptOnce<T> once{state_};
     reset(values);
+    base::Stage* const stage = base::Stage::current("factorization");
     const auto take_tasks = [&](int worker) {
       const double begin = base::now_seconds();
       const Index device = device_of(worker);
@@ -202,7 +204,9 @@ class HostExecutor final : public Executor<T> {
         for (Offset at = queues_.next(device); at >= 0; at = queues_.next(device)) {
           if (state_.abort.load(std::memory_order_relaxed)) break;
           pool_.check();
-          execute(plan_.tasks[static_cast<std::size_t>(at)], device, worker);
+          const plan::Task& task = plan_.tasks[static_cast<std::size_t>(at)];
+          execute(task, device, worker);
+          if (stage != nullptr) stage->add_share(share_of(task));
         }
       } catch (const Aborted&) {
       } catch (...) {
@@ -325,6 +329,22 @@ class HostExecutor final : public Executor<T> {
     if (timeline_ != nullptr) record(task, worker, begin, w.waited_seconds - waited);
   }
 
+  // Of a tile the updates alone, of one triangle.
+  [[nodiscard]] double flops_of(const plan::Task& task) const {
+    const auto& l = plan_.layout[task.front];
+    if (!task.is_range()) return 2.0 * l.width(task.i) * l.width(task.j) * l.begin(std::min(task.j, l.pivot_tiles));
+    double flops = 0;
+    for (Index f = task.begin; f <= task.front; ++f)
+      flops += plan::front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
+    return flops;
+  }
+
+  // Of all that the plan has to do, about.
+  [[nodiscard]] double share_of(const plan::Task& task) const {
+    const double triangles = !task.is_range() && plan_.options.unsymmetric ? 2 : 1;
+    return triangles * flops_of(task) / plan_.flops;
+  }
+
   void record(const plan::Task& task, int worker, double begin, double waited) {
     base::TimelineEvent e;
     e.waited = waited;
@@ -334,14 +354,11 @@ class HostExecutor final : public Executor<T> {
     e.begin = begin;
     e.end = base::now_seconds();
     const auto& l = plan_.layout[task.front];
+    e.flops = flops_of(task);
     if (task.is_range()) {
       e.kind = "range";
-      for (Index f = task.begin; f <= task.front; ++f)
-        e.flops += plan::front_flops(plan_.layout[f].pivots, plan_.layout[f].rows, plan_.options.unsymmetric);
     } else {
       e.kind = task.j >= l.pivot_tiles ? "contribution" : task.i == task.j ? "diagonal" : "panel";
-      const double depth = l.begin(std::min(task.j, l.pivot_tiles));
-      e.flops = 2.0 * l.width(task.i) * l.width(task.j) * depth;
       e.bytes = static_cast<double>(sizeof(T)) * l.width(task.i) * l.width(task.j);
     }
     timeline_->record(tracks_[static_cast<std::size_t>(worker)], e);

@@ -18,8 +18,8 @@ bool limit_instruction_sets() {
   const char* text = std::getenv("ESPALIER_INSTRUCTIONS");
   const std::string_view word = text == nullptr ? "" : text;
   if (word == "avx2") hwy::DisableTargets(std::int64_t{HWY_AVX2} - 1);
-  if (word == "sse4") hwy::DisableTargets(std::int64_t{HWY_SSE4} - 1);
-  return word.empty() || word == "avx512" || word == "avx2" || word == "sse4";
+  if (word == "baseline") hwy::DisableTargets((std::int64_t{HWY_AVX2} << 1) - 1);
+  return word.empty() || word == "avx512" || word == "avx2" || word == "baseline";
 }
 
 const bool understood = limit_instruction_sets();
@@ -29,7 +29,7 @@ const bool understood = limit_instruction_sets();
 void check_instruction_sets() {
   if (!understood)
     throw Error(StatusCode::invalid_input,
-                fmt::format("ESPALIER_INSTRUCTIONS: '{}' is not understood; give avx512, avx2 or sse4",
+                fmt::format("ESPALIER_INSTRUCTIONS: '{}' is not understood; give avx512, avx2 or baseline",
                             std::getenv("ESPALIER_INSTRUCTIONS")));
 }
 

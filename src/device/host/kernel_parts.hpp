@@ -2,11 +2,8 @@
 /// The parts that make up a table of kernels; each fills its entries for the instruction set chosen at run time.
 #pragma once
 
+#include "base/vector_targets.hpp"  // before Highway
 #include "device/host/kernels.hpp"
-
-/// Scalable vectors cannot stand in arrays; x86 before SSE4 and other processors take the scalar target.
-#define HWY_DISABLED_TARGETS \
-  (HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV | HWY_PPC8 | HWY_WASM | HWY_WASM_EMU256)
 
 namespace espalier::device::host {
 

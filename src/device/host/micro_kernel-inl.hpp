@@ -18,7 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 /// Shape of the largest register tile: kTilePanels row panels by kRealTileColumns columns. 24 accumulators of 32
-/// registers with AVX-512 (3 loads and 8 broadcasts feed 24 FMA), 8 of 16 with AVX2 and SSE4, 16 of 32 with NEON.
+/// registers with AVX-512 (3 loads and 8 broadcasts feed 24 FMA), 8 of 16 with AVX2, 16 of 32 with NEON.
 #if HWY_TARGET == HWY_AVX3 || HWY_TARGET == HWY_AVX3_DL
 inline constexpr int kTilePanels = 3;
 inline constexpr int kRealTileColumns = 8;

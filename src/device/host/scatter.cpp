@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "base/vector_targets.hpp"
+
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "device/host/scatter.cpp"
 #include "hwy/foreach_target.h"  // compiles this file once per instruction set

@@ -1,8 +1,8 @@
 #include "dynamics/elements/ancf_cable_block.hpp"
 
+#include "base/vector_targets.hpp"
 #include "dynamics/elements/anywhere.hpp"
 #include "dynamics/elements/lane_scalar.hpp"
-#include "dynamics/elements/lane_targets.hpp"
 #include "dynamics/elements/line_point.hpp"
 
 #undef HWY_TARGET_INCLUDE

@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
+#include "base/vector_targets.hpp"
 #include "dynamics/elements/ancf_shell_block.hpp"
 #include "dynamics/elements/anywhere.hpp"
 #include "dynamics/elements/hex8_kinematics.hpp"
 #include "dynamics/elements/lane_scalar.hpp"
-#include "dynamics/elements/lane_targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "dynamics/elements/hex8_block.cpp"

@@ -4,9 +4,9 @@
 
 #include <stdexcept>
 
+#include "base/vector_targets.hpp"
 #include "dynamics/elements/anywhere.hpp"
 #include "dynamics/elements/lane_scalar.hpp"
-#include "dynamics/elements/lane_targets.hpp"
 #include "dynamics/elements/solid.hpp"
 
 #undef HWY_TARGET_INCLUDE

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 
+#include "base/stage.hpp"
 #include "dynamics/integrators/relaxation.hpp"
 #include "dynamics/integrators/static_path.hpp"
 
@@ -211,7 +212,12 @@ class Statics {
 
 StaticsResult static_equilibrium(Equations& equations, State& state, const StaticsOptions& options,
                                  const StaticsObserver& observer, const StaticsWatch& watch) {
-  return Statics(equations, state, options, observer, watch).run();
+  base::Stage stage("statics", options.load, "load factor");
+  const StaticsObserver told = [&](const StaticsStep& step, const State& at) {
+    stage.reach(step.load);
+    return !observer || observer(step, at);
+  };
+  return Statics(equations, state, options, told, watch).run();
 }
 
 }  // namespace espalier::dynamics

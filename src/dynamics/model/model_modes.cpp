@@ -6,6 +6,7 @@
 #include <cmath>
 #include <new>
 
+#include "base/stage.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/runner.hpp"
@@ -59,10 +60,14 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
   try {
     if (values.empty()) throw Error(StatusCode::invalid_input, "modes: no value of '" + number + "' is given");
     const std::string source = source_of(text, name, number);
+    // Of one value alone what is done for it counts.
+    const bool several = values.size() > 1;
+    base::Stage stage("modes", static_cast<double>(values.size()), several ? "points" : "");
     for (const double value : values) {
       if (options.interrupted && options.interrupted()) throw Error(StatusCode::cancelled, "the caller has stopped it");
       try {
         result.points.push_back(modes_at(text, name, source, value, count, options));
+        stage.add(1);
       } catch (const Error& error) {
         Status status = error.status();
         status.message = fmt::format("{} = {:g}: {}", number, value, status.message);

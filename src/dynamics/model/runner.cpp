@@ -8,6 +8,7 @@
 #include <limits>
 #include <optional>
 
+#include "base/stage.hpp"
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
@@ -82,9 +83,10 @@ void Runner::set_end(double until) {
 Runner::Runner(Description model, SimulationOptions options, SimulationSummary& summary)
     : model_(std::move(model)),
       options_(std::move(options)),
-      interruption_(options_.interrupted, period_of(options_.interrupted_every)),
+      interruption_(base::telling(options_.interrupted), period_of(options_.interrupted_every)),
       summary_(summary) {
   const Stopwatch watch(summary_.phases.total);
+  const base::Stage stage("model");
   duration_ = model_.integrator.end - model_.integrator.start;
   if (options_.until) set_end(*options_.until);
   if (model_.statics && !options_.restart.empty())
@@ -343,6 +345,8 @@ void Runner::go() {
 void Runner::advance(double end, const SimulationObserver& observer) {
   summary_.interrupted = false;
   const base::Interruption::Call call(interruption_);
+  const double begin = time();
+  base::Stage stage("motion", std::isfinite(end) ? end - begin : 0, "time");
   while (!stopped_ && !reached(end)) {
     try {
       interruption_.check();
@@ -351,6 +355,7 @@ void Runner::advance(double end, const SimulationObserver& observer) {
       if (error.status().code != StatusCode::cancelled) throw;
       return halt();
     }
+    stage.reach(time() - begin);
     if (observer && !observer(public_step(last_report_))) {
       summary_.interrupted = !stopped_ && !reached(end);
       break;

@@ -42,6 +42,9 @@ void Runner::give_response() {
     files_->harmonic(current(), response_, model_.harmonic->phases);
     show_response();
   };
+  // Nothing renews the page of a run until all frequencies are solved: of large systems, who looks sees the rest of it.
+  constexpr Index kLarge = 20'000;
+  if (page_ && (page_->due() || mechanism_->system.sizes().velocity > kLarge)) write_page({}, true);
   try {
     respond();
   } catch (const Error&) {

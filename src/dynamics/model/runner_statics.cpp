@@ -200,6 +200,7 @@ void Runner::set_modal_damping() {
 
 void Runner::find_modes() {
   if (model_.initial.modes == 0) return;
+  if (page_ && page_->due()) write_page({}, true);
   const auto count = static_cast<Index>(model_.initial.modes);
   State at = state_;
   if (max_norm(state_.v) > 0) {

@@ -21,7 +21,7 @@ LivePage::LivePage(const model::Mechanism& mechanism, const model::Description& 
 
 bool LivePage::step(const model::Sample& s) {
   film_.step(s);
-  return !path_.empty() && Clock::now() >= due_;
+  return due();
 }
 
 void LivePage::restore(const model::Sample& s) {

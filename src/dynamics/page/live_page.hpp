@@ -10,6 +10,8 @@
 namespace espalier::dynamics::page {
 
 class LivePage {
+  using Clock = std::chrono::steady_clock;
+
  public:
   /// @param folder  of index.html; empty: no file @param begin, end, wished  as of Film
   LivePage(const model::Mechanism& mechanism, const model::Description& model, const std::string& folder, double begin,
@@ -18,6 +20,7 @@ class LivePage {
   [[nodiscard]] Rows& rows() { return rows_; }
   /// @return whether it is time to renew the file
   bool step(const model::Sample& s);
+  [[nodiscard]] bool due() const { return !path_.empty() && Clock::now() >= due_; }
   void restore(const model::Sample& s);
 
   /// @throws Error(invalid_input) when the file cannot be written
@@ -27,7 +30,6 @@ class LivePage {
   [[nodiscard]] const std::string& written() const { return written_; }  ///< the file; empty: it is not there
 
  private:
-  using Clock = std::chrono::steady_clock;
   Film film_;
   Rows rows_;
   std::string path_, written_;

@@ -1,10 +1,10 @@
 #include "dynamics/steady/steady_dense.hpp"
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
 #include "modes/dense_quadratic.hpp"
 
 namespace espalier::dynamics {
@@ -19,9 +19,7 @@ using Eigen::VectorXd;
 /// Orthonormal basis of the vectors z with A z = 0, A of full row rank.
 MatrixXd steady_null_space(const MatrixXd& a) {
   if (a.rows() == 0) return MatrixXd::Identity(a.cols(), a.cols());
-  const Eigen::HouseholderQR<MatrixXd> qr(a.transpose());
-  const MatrixXd q = qr.householderQ() * MatrixXd::Identity(a.cols(), a.cols());
-  return q.rightCols(a.cols() - a.rows());
+  return dense::qr_factors(a.transpose()).q.rightCols(a.cols() - a.rows());
 }
 
 /// x' = A x for x = (a, u / rate), and xi = xi_of a.
@@ -46,17 +44,17 @@ std::optional<FirstOrder> first_order(const SteadyPencil& p) {
   };
   const auto unit = [](MatrixXd x) -> MatrixXd { return x.rowwise().normalized(); };
   const MatrixXd z = steady_null_space(unit(rows(k, held)));
-  const MatrixXd by_rate = rows(c, rolling) * z, by_place = rows(k, rolling) * z;
+  const MatrixXd by_rate = dense::times(rows(c, rolling), z), by_place = dense::times(rows(k, rolling), z);
   const MatrixXd y = steady_null_space(unit(by_rate));
   MatrixXd drift = MatrixXd::Zero(z.cols(), z.cols());
-  if (!rolling.empty()) drift = by_rate.completeOrthogonalDecomposition().solve(by_place);
+  if (!rolling.empty()) drift = dense::least_squares(by_rate, by_place);
   const MatrixXd left = steady_null_space(unit((scale.asDiagonal() * k.topRightCorner(n, r)).transpose()));
-  const MatrixXd mz = left.transpose() * own(m) * z, cz = left.transpose() * own(c) * z,
-                 kz = left.transpose() * own(k) * z;
-  const Eigen::PartialPivLU<MatrixXd> inertia(mz * y);
+  const auto projected = [&](const MatrixXd& x) { return dense::times(dense::transposed_times(left, own(x)), z); };
+  const MatrixXd mz = projected(m), cz = projected(c), kz = projected(k);
+  const dense::Lu inertia(dense::times(mz, y));
   if (y.cols() > 0 && !(inertia.rcond() > 1e-14)) return std::nullopt;
-  const MatrixXd of_rate = inertia.solve(mz * drift - cz), of_place = inertia.solve(kz);
-  const MatrixXd by_a = -of_rate * drift - of_place, by_u = of_rate * y;
+  const MatrixXd of_rate = inertia.solve(dense::times(mz, drift) - cz), of_place = inertia.solve(kz);
+  const MatrixXd by_a = -dense::times(of_rate, drift) - of_place, by_u = dense::times(of_rate, y);
   const double rate = std::max(std::sqrt(by_a.norm()), by_u.norm()), unit_rate = rate > 0 ? rate : 1;
   FirstOrder out;
   const Eigen::Index na = z.cols(), nu = y.cols();
@@ -85,30 +83,32 @@ std::optional<std::vector<SteadyPair>> dense_steady_pairs(const SteadyPencil& p)
   std::vector<Deflated> levels;
   MatrixXd all = MatrixXd::Identity(a.rows(), a.rows());  // x of the coordinates left
   while (a.rows() > 0) {
-    const Eigen::BDCSVD<MatrixXd> svd(a, Eigen::ComputeFullV);
-    const Eigen::Index zero = (svd.singularValues().array() <= allowed).count();
+    const dense::RightSingularVectors svd = dense::right_singular_vectors(a);
+    const Eigen::Index zero = (svd.values.array() <= allowed).count();
     if (zero == 0) break;
-    const MatrixXd& v = svd.matrixV();
+    const MatrixXd& v = svd.v;
     Deflated level{v.rightCols(zero), v.leftCols(v.cols() - zero), {}};
-    for (Eigen::Index i = 0; i < zero; ++i)
-      pairs.push_back(
-          {0, (system->xi_of * (all * level.null.col(i)).head(system->xi_of.cols())).cast<std::complex<double>>()});
-    level.coupling = level.null.transpose() * a * level.rest;
-    a = (level.rest.transpose() * a * level.rest).eval();
-    all = (all * level.rest).eval();
+    const MatrixXd still = dense::times(system->xi_of, dense::times(all, level.null).topRows(system->xi_of.cols()));
+    for (Eigen::Index i = 0; i < zero; ++i) pairs.push_back({0, still.col(i).cast<std::complex<double>>()});
+    const MatrixXd of_rest = dense::times(a, level.rest);
+    level.coupling = dense::transposed_times(level.null, of_rest);
+    a = dense::transposed_times(level.rest, of_rest);
+    all = dense::times(all, level.rest);
     levels.push_back(std::move(level));
   }
   if (a.rows() == 0) return pairs;
-  const Eigen::EigenSolver<MatrixXd> eigen(a);
-  if (eigen.info() != Eigen::Success)
+  const dense::ComplexSpectrum eigen = dense::general_eigen(a);
+  if (!eigen.converged)
     throw Error(StatusCode::accuracy_not_reached, "modes of a steady motion: the QR algorithm did not converge");
   for (Eigen::Index i = 0; i < a.rows(); ++i) {
-    const std::complex<double> e = eigen.eigenvalues()[i];
+    const std::complex<double> e = eigen.values[i];
     if (e.imag() < 0) continue;
-    VectorXcd x = eigen.eigenvectors().col(i);
+    VectorXcd x = eigen.vectors.col(i);
     for (auto level = levels.rbegin(); level != levels.rend(); ++level)
-      x = (level->rest * x + level->null * (level->coupling * x) / e).eval();
-    pairs.push_back({e, system->xi_of * x.head(system->xi_of.cols())});
+      x = (dense::real_times_complex(level->rest, x) +
+           dense::real_times_complex(level->null, dense::real_times_complex(level->coupling, x)) / e)
+              .eval();
+    pairs.push_back({e, dense::real_times_complex(system->xi_of, x.head(system->xi_of.cols()))});
   }
   return pairs;
 }

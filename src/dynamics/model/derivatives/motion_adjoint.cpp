@@ -4,6 +4,7 @@
 #include <deque>
 #include <utility>
 
+#include "base/stage.hpp"
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/linearised.hpp"
 
@@ -93,8 +94,10 @@ void MotionAdjoint::go_back(std::size_t targets, const Weight& weight, const std
   // Slopes by the states k, k - 1 ... that later steps have added to.
   std::deque<std::vector<StateSlopes>> open;
   factors_.assign(last + 1, {});
+  base::Stage stage("adjoint", static_cast<double>(last + 1), "steps");
   for (std::size_t k = last;; --k) {
     go_on();
+    stage.reach(static_cast<double>(last - k));
     while (open.size() <= std::min<std::size_t>(kMaxBdfOrder, k)) open.emplace_back(targets, nothing());
     record_.remember(k);
     for (std::size_t t = 0; t < targets; ++t) add_quantities(t, k, open[0][t]);

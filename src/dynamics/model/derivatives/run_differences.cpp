@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/stage.hpp"
+
 namespace espalier::dynamics::model {
 namespace {
 
@@ -26,7 +28,8 @@ class Check {
           "a run with all {} parameters moved ends elsewhere than they say; look at differences of whole "
           "runs before you trust them",
           count);
-    for (std::size_t p = 0; p < count; ++p)
+    base::Stage stage("check of the derivatives", static_cast<double>(count), "parameters");
+    for (std::size_t p = 0; p < count; ++p, stage.add(1))
       if (!agrees(p)) settle(p);
     return text_;
   }

@@ -10,6 +10,7 @@
 #include <new>
 #include <stdexcept>
 
+#include "base/stage.hpp"
 #include "dynamics/contact/contact.hpp"
 #include "dynamics/integrators/sensitivity.hpp"
 #include "dynamics/integrators/vibrations.hpp"
@@ -421,7 +422,8 @@ class SensitivityRun {
     result_.adjoint = true;
     result_.defect = adjoint.defect();
     result_.derivatives.assign(quantities_.size() * given_.size(), 0.0);
-    for (std::size_t p = 0; p < given_.size(); ++p) {
+    base::Stage stage("derivatives", static_cast<double>(given_.size()), "parameters");
+    for (std::size_t p = 0; p < given_.size(); ++p, stage.add(1)) {
       std::vector<double> residual[2], values[2];
       for (int a = 0; a < 2; ++a)
         with_end(given_[p], a, [&](const Description& model) {
@@ -480,7 +482,8 @@ class SensitivityRun {
     result_.adjoint = true;
     result_.defect = adjoint.defect();
     result_.derivatives.assign(targets * given_.size(), 0.0);
-    for (std::size_t p = 0; p < given_.size(); ++p) {
+    base::Stage stage("derivatives", static_cast<double>(given_.size()), "parameters");
+    for (std::size_t p = 0; p < given_.size(); ++p, stage.add(1)) {
       go_on();
       std::vector<double> beside[2];
       for (int a = 0; a < 2; ++a) {

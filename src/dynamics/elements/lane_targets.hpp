@@ -1,8 +1,0 @@
-/// \file
-/// The instruction sets that the kernels of elements are compiled for: AVX-512, AVX2 and the baseline; scalable vectors
-/// cannot stand in arrays. To be included before Highway.
-#pragma once
-
-#define HWY_DISABLED_TARGETS                                                                                   \
-  (HWY_AVX3_DL | HWY_SSE4 | HWY_SSSE3 | HWY_SVE | HWY_SVE2 | HWY_SVE_256 | HWY_SVE2_128 | HWY_RVV | HWY_PPC8 | \
-   HWY_WASM | HWY_WASM_EMU256)
