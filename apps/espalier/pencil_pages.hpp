@@ -11,7 +11,7 @@
 
 namespace espalier::cli {
 
-/// Each: @param report  of the command, whole; @param source  what was read, for the title
+/// Each: @param report  of the command, whole; @param source  what was read
 [[nodiscard]] Sheet modes_sheet(const std::string& source, const ModesResult& r, bool buckling, Sheet::Json report);
 [[nodiscard]] Sheet quadratic_sheet(const std::string& source, const QuadraticModesResult& r, Sheet::Json report);
 [[nodiscard]] Sheet model_modes_sheet(const std::string& source, const ModelModesResult& r, Sheet::Json report);

@@ -62,7 +62,8 @@ std::array<std::string, 2> state_words(int exit_code) {
 
 }  // namespace
 
-Sheet::Sheet(std::string title, Json report) : title_(std::move(title)), report_(std::move(report)) {}
+Sheet::Sheet(const std::string& source, Json report)
+    : title_(source.substr(source.find_last_of('/') + 1)), report_(std::move(report)) {}
 
 void Sheet::begin_plot(const std::string& title, const SheetAxis& x, const SheetAxis& y, const std::string& style) {
   const auto axis = [](const SheetAxis& a) { return Json{{"name", a.name}, {"log", a.logarithmic}}; };

@@ -28,8 +28,9 @@ struct SheetAxis {
 class Sheet {
  public:
   using Json = nlohmann::ordered_json;
+  /// @param source  what was read: without its folders it is the title
   /// @param report  its members become cards and tables; exit_code and message say how it went
-  Sheet(std::string title, Json report);
+  Sheet(const std::string& source, Json report);
   /// A short line beside the title.
   void set_facts(std::string facts) { facts_ = std::move(facts); }
   /// @param style  "line", "dots" or "bars"

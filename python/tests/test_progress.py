@@ -42,7 +42,7 @@ def test_of_a_solver():
     solver.factorize(a)
     last = told.last()
     assert (last.phase, last.unit, last.total) == ("factorization", "flops", solver.analysis.flops)
-    assert last.done == pytest.approx(last.total, rel=0.1)
+    assert last.done == last.total
     b = np.ones((a.shape[0], 40))
     assert np.abs(a @ solver.solve(b) - b).max() < 1e-9
     assert told.last().phase in ("substitution", "refinement")
@@ -52,15 +52,13 @@ def test_of_a_solver():
     assert np.abs(a @ other.solve(b) - b).max() < 1e-9 and told.reports == []
 
 
-@pytest.mark.parametrize("error", [KeyboardInterrupt, ZeroDivisionError])
-def test_what_it_raises_ends_the_call(error):
-    told, a = Told(), poisson(20)
-    told.error = error
+def test_what_it_raises_ends_the_call():
+    told, a = Told(), poisson(32)  # a call takes longer than the tenth of a second between two questions
+    told.error = KeyboardInterrupt
     solver = esp.Solver(progress=told, device="cpu", threads=1)
-    with pytest.raises(error):
-        for _ in range(1000):
-            solver.factorize(a)
-    told.error = None
+    with pytest.raises(KeyboardInterrupt):
+        solver.factorize(a)
+    told.error, a = None, poisson(8)
     solver.factorize(a)
     b = np.ones(a.shape[0])
     assert np.abs(a @ solver.solve(b) - b).max() < 1e-9
@@ -88,7 +86,8 @@ def test_of_models():
     model.modes_over("bodies.bob.mass", [1.0, 2.0, 3.0], 1, progress=told)
     last = told.last()
     assert (last.phase, last.done, last.total, last.unit) == ("modes", 3, 3, "points")
-    statics = esp.Model({**PENDULUM, "statics": {}, "gravity": [1, -10, 0],
+    bodies = {key: PENDULUM[key] for key in ("bodies", "joints")}
+    statics = esp.Model({**bodies, "statics": {}, "gravity": [1, -10, 0],
                          "forces": {"hold": {"type": "rotational-spring", "a": {"body": "ground", "axis": [0, 0, 1]},
                                              "b": {"body": "bob", "axis": [0, 0, 1]}, "stiffness": 100.0}}})
     statics.run(progress=told)

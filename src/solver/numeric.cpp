@@ -64,7 +64,7 @@ class NumericOf final : public Numeric {
   }
 
   device::FactorOutcome factorize() override {
-    const base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
+    base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
     if (device_ != nullptr) {
       if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
       std::vector<double> given(given_.size());  // some may be there alone
@@ -86,7 +86,9 @@ class NumericOf final : public Numeric {
         smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
-    return executor_->factorize(values_.span());
+    const device::FactorOutcome outcome = executor_->factorize(values_.span());
+    stage.reach(flops_);
+    return outcome;
   }
 
   void halt_at_failures(bool halt) override { executor_->halt_at_failures(halt); }

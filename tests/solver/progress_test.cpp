@@ -56,9 +56,9 @@ TEST(Progress, OfAllThatIsDoneAndWithoutABitChanged) {
     SparseMatrix a;
     Options options;
   };
-  const std::vector<Case> cases = {{"llt", grid, options_with("cpu", 2)},
+  const std::vector<Case> cases = {{"llt", grid, options_with("cpu", 1)},
                                    {"ldlt", reference::saddle_point(300, 80, 5), options_with("cpu", 1)},
-                                   {"lu", reference::random_system(300, 4, Values::general, 3), options_with("cpu", 2)},
+                                   {"lu", reference::random_system(900, 4, Values::general, 3), options_with("cpu", 1)},
                                    {"two host devices", grid, options_with("host:2", 2)},
                                    {"out of core", grid, options_with("host:1", 2, 800'000)}};
   constexpr Index kColumns = 70;  // more than go together
@@ -88,8 +88,9 @@ TEST(Progress, OfAllThatIsDoneAndWithoutABitChanged) {
       factorized = factorized || (r.done > 0.1 * r.total && r.done < 0.9 * r.total);
       before = r.done;
     }
-    EXPECT_TRUE(factorized);
-    EXPECT_GT(told.most("factorization"), 0.85);
+    // With more threads nobody knows which of them sees the middle.
+    EXPECT_TRUE(factorized || c.options.threads > 1);
+    EXPECT_EQ(told.most("factorization"), 1);
     EXPECT_EQ(told.most("substitution"), 1);
     for (const char* part : {"scaling and matching", "ordering", "plan"}) EXPECT_EQ(inside[part], "analysis") << part;
   }

@@ -329,8 +329,7 @@ class HostExecutor final : public Executor<T> {
     if (timeline_ != nullptr) record(task, worker, begin, w.waited_seconds - waited);
   }
 
-  // Of a tile the updates alone, of one triangle.
-  [[nodiscard]] double flops_of(const plan::Task& task) const {
+  [[nodiscard]] double flops_of(const plan::Task& task) const {  // of a tile updates alone, of one triangle
     const auto& l = plan_.layout[task.front];
     if (!task.is_range()) return 2.0 * l.width(task.i) * l.width(task.j) * l.begin(std::min(task.j, l.pivot_tiles));
     double flops = 0;
@@ -339,10 +338,15 @@ class HostExecutor final : public Executor<T> {
     return flops;
   }
 
-  // Of all that the plan has to do, about.
+  // Of all that the plan has to do.
   [[nodiscard]] double share_of(const plan::Task& task) const {
-    const double triangles = !task.is_range() && plan_.options.unsymmetric ? 2 : 1;
-    return triangles * flops_of(task) / plan_.flops;
+    if (task.is_range()) return flops_of(task) / plan_.flops;
+    const auto& l = plan_.layout[task.front];
+    const double rows = l.width(task.i), columns = l.width(task.j), depth = l.begin(std::min(task.j, l.pivot_tiles));
+    const bool diagonal = task.i == task.j, pivots = task.j < l.pivot_tiles;
+    double flops = (diagonal ? 1 : 2) * rows * columns * depth;
+    if (pivots) flops += rows * columns * columns / (diagonal ? 3 : 1);
+    return (plan_.options.unsymmetric ? 2 : 1) * flops / plan_.flops;
   }
 
   void record(const plan::Task& task, int worker, double begin, double waited) {
