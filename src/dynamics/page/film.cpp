@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "base/at.hpp"
+#include "base/stopwatch.hpp"
 #include "dynamics/page/json_text.hpp"
 
 namespace espalier::dynamics::page {
@@ -28,16 +29,16 @@ std::vector<double> speeds_of(const std::vector<double>& rates) {
   return speeds;
 }
 
+}  // namespace
+
 /// What the background makes a frame of.
-struct Taken {
+struct Film::Taken {
   double t;
   Drawn::Place place;
   std::vector<double> marks;
   NodalStress::Kept stress;
   std::vector<double> thin;
 };
-
-}  // namespace
 
 Film::Film(const model::Mechanism& mechanism, const model::Description& model, double begin, double end, double wished)
     : mechanism_(mechanism),
@@ -76,6 +77,7 @@ void Film::begin(const model::Sample& s, const State& reference) {
   pack_place(place, rest_);
   frames_.clear();
   taken_ = 0;
+  begun_ = std::chrono::steady_clock::now();
   before_ = s.pictured();
   times_.wind_to(before_.t);
   last_ = std::numeric_limits<double>::quiet_NaN();
@@ -85,9 +87,11 @@ void Film::begin(const model::Sample& s, const State& reference) {
 void Film::step(const model::Sample& s) {
   const State now = s.pictured();
   if (times_.interval > 0) {
-    times_.visit(mechanism_.system, before_, now, [&](const State& due) { take(due, *s.state); });
+    times_.visit(mechanism_.system, before_, now, [&](const State& due) {
+      if (!dear()) take(due, *s.state);
+    });
     before_ = now;
-  } else if (++seen_ % stride_ == 0) {
+  } else if (++seen_ % stride_ == 0 && !dear()) {
     take(now, *s.state);
   }
   if (taken_ > 2 * most_) thin_out();
@@ -95,6 +99,13 @@ void Film::step(const model::Sample& s) {
     fewer_ = true;
     thin_out();
   }
+}
+
+bool Film::dear() {
+  constexpr double kFree = 5, kShare = 0.05;  // seconds; of the time of the run
+  const std::chrono::duration<double> run = std::chrono::steady_clock::now() - begun_;
+  if (spent_ <= kFree + kShare * run.count()) return false;
+  return fewer_ = true;
 }
 
 void Film::end(const model::Sample& s) { take(s.pictured(), *s.state); }
@@ -140,36 +151,12 @@ void Film::take(const State& s, const State& end) {
   if (!stress_.empty()) taken->stress = stress_.keep(s);
   if (!thin_.empty()) taken->thin = thin_.keep(s);
   const auto make = [this, taken] {
-    Frame frame;
-    frame.t = taken->t;
-    Quantized& out = frame.numbers;
-    pack_place(taken->place, out);
-    out.add(speeds_of(taken->place.rates));
-    NodalStress::Values stress;
-    if (!stress_.empty()) {
-      stress = stress_.evaluate(taken->stress);
-      frame.peaks = stress_.peaks(stress);
+    double seconds = 0;
+    {
+      const base::Stopwatch watch(seconds);
+      frames_.push_back(frame_of(*taken));
     }
-    if (!thin_.empty()) thin_.add_to(taken->thin, stress.von_mises, stress.principal);
-    out.add(stress.von_mises);
-    out.add(stress.principal);
-    out.add(stress.strain);
-    out.add(taken->place.velocities);
-    out.add(taken->place.turning);
-    std::vector<double> part;
-    for (std::size_t kind = 0; kind < 5; ++kind) {
-      part.clear();
-      for (std::size_t k = 3 * kind; k < taken->marks.size(); k += 15)
-        part.insert(part.end(), taken->marks.begin() + static_cast<std::ptrdiff_t>(k),
-                    taken->marks.begin() + static_cast<std::ptrdiff_t>(k + 3));
-      out.add(part);
-    }
-    if (out.steps.size() >= kLarge) {
-      frame.packed = compressed(split_bytes(out.steps));
-      out.steps = {};
-      large_ += frame.packed.size();
-    }
-    frames_.push_back(std::move(frame));
+    spent_ = spent_ + seconds;
   };
   // A thread of its own is worth it where there is more to do than to wake it up.
   constexpr std::size_t kBeside = 2000;
@@ -177,6 +164,39 @@ void Film::take(const State& s, const State& end) {
     background_.enqueue(make);
   else
     make();
+}
+
+Film::Frame Film::frame_of(const Taken& taken) {
+  Frame frame;
+  frame.t = taken.t;
+  Quantized& out = frame.numbers;
+  pack_place(taken.place, out);
+  out.add(speeds_of(taken.place.rates));
+  NodalStress::Values stress;
+  if (!stress_.empty()) {
+    stress = stress_.evaluate(taken.stress);
+    frame.peaks = stress_.peaks(stress);
+  }
+  if (!thin_.empty()) thin_.add_to(taken.thin, stress.von_mises, stress.principal);
+  out.add(stress.von_mises);
+  out.add(stress.principal);
+  out.add(stress.strain);
+  out.add(taken.place.velocities);
+  out.add(taken.place.turning);
+  std::vector<double> part;
+  for (std::size_t kind = 0; kind < 5; ++kind) {
+    part.clear();
+    for (std::size_t k = 3 * kind; k < taken.marks.size(); k += 15)
+      part.insert(part.end(), taken.marks.begin() + static_cast<std::ptrdiff_t>(k),
+                  taken.marks.begin() + static_cast<std::ptrdiff_t>(k + 3));
+    out.add(part);
+  }
+  if (out.steps.size() >= kLarge) {
+    frame.packed = compressed(split_bytes(out.steps));
+    out.steps = {};
+    large_ += frame.packed.size();
+  }
+  return frame;
 }
 
 void Film::swing(const State& about, const std::vector<Swing>& shapes) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <chrono>
 #include <limits>
 #include <string>
 #include <vector>
@@ -61,7 +62,11 @@ class Film {
     const char* name;
     std::size_t count;
   };
+  struct Taken;
+  [[nodiscard]] Frame frame_of(const Taken& taken);
   void take(const State& s, const State& end);
+  /// Whether pictures have taken so much of the run's time that one is left out.
+  [[nodiscard]] bool dear();
   void thin_out();
   [[nodiscard]] std::vector<Section> sections() const;
   void add_frames(JsonObject& scene, std::vector<std::string>& pieces) const;
@@ -78,7 +83,9 @@ class Film {
   bool fewer_ = false;          // than is usual, for their size
   State before_;
   Quantized rest_;
-  std::vector<Frame> frames_;           // from take() to wait() the background's
+  std::vector<Frame> frames_;      // from take() to wait() the background's
+  std::atomic<double> spent_ = 0;  // seconds
+  std::chrono::steady_clock::time_point begun_;
   std::atomic<std::size_t> large_ = 0;  // bytes of the large ones
   std::size_t taken_ = 0;               // of them, by the caller's count
   std::string shapes_;                  // JSON
