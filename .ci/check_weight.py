@@ -11,6 +11,7 @@ reason for a larger bound belongs into the commit."""
 import argparse
 import collections
 import json
+import os
 import pathlib
 import resource
 import subprocess
@@ -19,8 +20,8 @@ import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 BOUNDS = ROOT / ".ci" / "bounds.json"
-TOLERANCE = {"lines_in_src": 0.005, "files_above_400_lines": 0, "folders_above_40_files": 0, "library_times_yardstick": 0.15,
-             "tests_times_yardstick": 0.15, "dearest_source_times_yardstick": 0.25}
+TOLERANCE = {"lines_in_src": 0.005, "files_above_400_lines": 0, "folders_above_40_files": 0, "library_times_yardstick": 0.25,
+             "tests_times_yardstick": 0.25, "dearest_source_times_yardstick": 0.35}
 
 
 def sources():
@@ -41,16 +42,16 @@ def count():
 
 
 def yardstick():
-    """Processor seconds of the yardstick, the least of three compiles."""
-    best = float("inf")
+    """Processor seconds of the yardstick, with all processors at work, as in a build."""
+    copies = os.cpu_count() or 1
     with tempfile.TemporaryDirectory() as folder:
-        for _ in range(3):
-            before = resource.getrusage(resource.RUSAGE_CHILDREN)
-            subprocess.run(["c++", "-std=c++20", "-O1", "-isystem", "/usr/include/eigen3", "-c", ROOT / ".ci/yardstick.cpp", "-o",
-                            f"{folder}/yardstick.o"], check=True)
-            after = resource.getrusage(resource.RUSAGE_CHILDREN)
-            best = min(best, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime)
-    return best
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
+        compilers = [subprocess.Popen(["c++", "-std=c++20", "-O1", "-isystem", "/usr/include/eigen3", "-c", ROOT / ".ci/yardstick.cpp",
+                                       "-o", f"{folder}/{k}.o"]) for k in range(copies)]
+        if any([compiler.wait() for compiler in compilers]):
+            sys.exit("the yardstick does not compile")
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return (after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime) / copies
 
 
 def compile_times(path):
