@@ -134,8 +134,9 @@ TEST(Supports, PressureOnAClampedPlate) {
   double sum = 0, part = 0;
   for (const char* edge : {"left.force.z", "low.force.z", "right.force.z", "high.force.z"}) sum += whole.value(edge);
   for (const char* edge : {"left.force.z", "low.force.z"}) part += quarter.value(edge);
-  EXPECT_NEAR(sum, 100, 1e-8);
-  EXPECT_NEAR(part, 25, 1e-8);
+  // Rounding of the stiffnesses through the thickness, 2e9, times positions: some 1e-7.
+  EXPECT_NEAR(sum, 100, 1e-6);
+  EXPECT_NEAR(part, 25, 1e-6);
   EXPECT_TRUE(whole.summary().redundant.empty());  // corners are held once
 }
 
