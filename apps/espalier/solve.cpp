@@ -84,7 +84,7 @@ class SolveRun {
   }
 
   void take_pictures() {
-    const MatrixView pattern(matrix_.rows, matrix_.cols, matrix_.col_ptr, matrix_.row_ind, {}, matrix_.storage);
+    const MatrixView pattern{matrix_.rows, matrix_.cols, matrix_.col_ptr, matrix_.row_ind, {}, matrix_.storage};
     pictures_.given = spy_of(pattern);
     pictures_.tiers = solver_.tiers();
     if constexpr (std::is_same_v<Value, double>) take_order(pictures_, pattern, solver_);

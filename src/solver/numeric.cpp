@@ -86,7 +86,7 @@ class NumericOf final : public Numeric {
         smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
-    const device::FactorOutcome outcome = executor_->factorize(values_.span());
+    device::FactorOutcome outcome = executor_->factorize(values_.span());
     stage.reach(flops_);
     return outcome;
   }

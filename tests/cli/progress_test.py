@@ -78,13 +78,14 @@ class JsonProgress(Cli):
                                     f"--json-progress-fd={to_write}"], pass_fds=[to_write], stdin=subprocess.DEVNULL,
                                    stdout=subprocess.PIPE, stderr=subprocess.PIPE)
         os.close(to_write)
-        lines = []
+        lines, asked = [], False  # once: a second signal ends the process at once
         with os.fdopen(to_read) as pipe:
             for text in pipe:
                 lines.append(json.loads(text))
                 line = lines[-1]
-                if line["phase"] == "factorization" and line["total"] and 0 < line["done"] < line["total"]:
+                if not asked and line["phase"] == "factorization" and line["total"] and 0 < line["done"] < line["total"]:
                     process.send_signal(signal.SIGINT)
+                    asked = True
         out, err = process.communicate(timeout=60)
         self.assertEqual(process.returncode, 130, err)
         self.assertEqual((lines[-1]["state"], lines[-1]["exit_code"]), ("stopped", 130))
