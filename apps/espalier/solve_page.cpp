@@ -93,7 +93,7 @@ Sheet solve_sheet(const RunRecord& record, nlohmann::ordered_json report, const 
       largest.push_back(t.largest_front);
       fronts.push_back(t.fronts);
     }
-    sheet.begin_plot("The elimination tree: work by tier, from the leaves to the root", {"tier"}, {"FLOP", true},
+    sheet.begin_plot("The elimination tree: work by tier, from the root to the leaves", {"tier"}, {"FLOP", true},
                      "bars");
     sheet.add_series("FLOP", tier, flops);
     sheet.begin_plot("Fronts by tier", {"tier"}, {"number, rows", true}, "line");
