@@ -3,13 +3,13 @@
 #include "dynamics/output/hdf5_file.hpp"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
 
 #include <bit>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 
+#include "dynamics/model_common.hpp"
 #include "dynamics/output/vtkhdf.hpp"
 #include "espalier/types.hpp"
 
@@ -25,24 +25,6 @@ TEST(Hdf5Objects, ChecksumsAreThoseOfLookup3) {
   EXPECT_EQ(hdf5::checksum(""), 0xDEADBEEFU);
   EXPECT_EQ(hdf5::checksum("Four score and seven years ago"), 0x17770551U);
 }
-
-class ScratchFolder {
- public:
-  ScratchFolder() {
-    std::string name = (std::filesystem::temp_directory_path() / "espalier-hdf5-XXXXXX").string();
-    path_ = mkdtemp(name.data());
-  }
-  ~ScratchFolder() {
-    std::error_code ignored;
-    std::filesystem::remove_all(path_, ignored);
-  }
-  ScratchFolder(const ScratchFolder&) = delete;
-  ScratchFolder& operator=(const ScratchFolder&) = delete;
-  [[nodiscard]] const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 struct Arrays {
   int series, chunked;
