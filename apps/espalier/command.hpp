@@ -48,6 +48,7 @@ void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action)
 void add_report(CLI::App& app, Action& action);
 void add_fetch_matrix(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
+void add_examples(CLI::App& app, Action& action);
 void add_run(CLI::App& app, Action& action);
 void add_mpi_adapter(CLI::App& app, Action& action);
 

@@ -57,10 +57,12 @@ class RunFolder {
   fs::path path_;
 };
 
-/// Beside this binary as it is built, or in the library folder of the installation; empty where it is in neither.
+/// Beside this binary as it is built, in the library folder of the installation, or in the Python package (also for the
+/// binary of espalier-cuda, which has no such libraries of its own); empty where it is in none.
 fs::path find_host_library(const std::string& name) {
   const fs::path binary = fs::read_symlink("/proc/self/exe").parent_path();
-  for (const fs::path& folder : {binary / "hosts", binary / ".." / "lib", binary / ".." / ESPALIER_LIBRARY_FOLDER}) {
+  for (const fs::path& folder : {binary / "hosts", binary / ".." / "lib", binary / ".." / ESPALIER_LIBRARY_FOLDER,
+                                 binary / ".." / ".." / "espalier" / "lib"}) {
     if (fs::exists(folder / name)) return fs::canonical(folder / name);
   }
   return {};
@@ -69,7 +71,10 @@ fs::path find_host_library(const std::string& name) {
 fs::path host_library(const std::string& name) {
   fs::path found = find_host_library(name);
   if (found.empty())
-    refuse(fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts", name));
+    refuse(
+        fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts (what it needs: "
+                    "docs/guide/hosts.md; wheels for other machines have none for PETSc)",
+                    name));
   return found;
 }
 
