@@ -9,8 +9,8 @@
 
 namespace espalier {
 
-/// Reads all of a model: keys, kinds, ranges, and references between parts that the text alone settles. Names of faces,
-/// quantities and the like are known when a run assembles the bodies. A model need not say what is to be run.
+/// Reads all of a model: keys, kinds, ranges, and names of other parts. Names of faces, quantities and the like are
+/// known when a run assembles the bodies. A model need not say what is to be run.
 /// @param set  values to be replaced, as SimulationOptions::set
 [[nodiscard]] Status check_model(const std::string& path, const std::vector<std::string>& set = {});
 /// The same of a text, with a name for messages; files are looked for in the folder of that name.

@@ -114,12 +114,12 @@ class SchurComplement:
         _checked(status)
         return x[0] if one else x.T
 
-    def condense(self, b: Any, *, transpose: bool = False) -> Any:
+    def condense(self, b: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """g = b_s - A_sr A_rr^-1 b_r, of shape (size,) or (size, k)."""
         flat, columns, one = _columns(b, self._n, "b")
         return self._take(self._core.condense(flat, columns, bool(_checks.transposition(transpose))), one)
 
-    def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> Any:
+    def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """x with x_r = A_rr^-1 (b_r - A_rs x_s), of the shape of b."""
         flat, columns, one = _columns(b, self._n, "b")
         of_list, same, _ = _columns(xs, len(self.unknowns), "xs")
@@ -127,7 +127,7 @@ class SchurComplement:
             raise ValueError(f"b has {columns} columns, xs has {same}")
         return self._take(self._core.expand(flat, of_list, columns, bool(_checks.transposition(transpose))), one)
 
-    def solve(self, b: Any, *, transpose: bool = False) -> Any:
+    def solve(self, b: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """x with A x = b, by way of S. Raises SingularMatrixError where S is singular."""
         flat, columns, one = _columns(b, self._n, "b")
         return self._take(self._core.solve(flat, columns, bool(_checks.transposition(transpose))), one)
@@ -212,7 +212,7 @@ class ChangedSystem:
         """Takes back what remove() did."""
         _checked(self._core.restore(_indices(unknowns, "unknowns", 2**31 - 1, "int32")))
 
-    def solve(self, b: Any) -> Any:
+    def solve(self, b: Any) -> "NDArray[np.float64]":
         """x of the shape of b, (len(self),) or (len(self), k). Raises SingularMatrixError where the changed matrix is
         singular; warns AccuracyWarning."""
         flat, columns, one = _columns(b, len(self), "b")

@@ -102,6 +102,7 @@ class Model(Parts):
         code, message, row = status
         if code == 0:
             return
+        message = message.replace("--set: harmonic.", "Model.harmonic(): ").replace("--set: ", "set: ")
         if self._read is None or self.text != self._read[0]:
             message = re.sub(rf"(^|: ){re.escape(self._name)}(:\d+)?: ", r"\1", re.sub(r" \(line \d+\)", "", message))
         raise make_error(code, message, row)
@@ -169,8 +170,7 @@ class Model(Parts):
         [statics], or about its steady motion. Nothing is run, and no section is needed. Returns a row for each mode, by
         rising modulus of the exponent, with the fields mode, frequency (cycles per unit of time), damping_ratio, growth, whirl and
         standing_frequency (docs/use/modes.md). set and solver: as for Simulation."""
-        rows = self._modes("", [0.0], _checks.whole(count, "count", 1), set, progress, solver)
-        return rows[[n for n in rows.dtype.names or () if n != "value"]]
+        return self._modes("", [0.0], _checks.whole(count, "count", 1), set, progress, solver)
 
     def modes_over(self, number: str, values: "Iterable[float]", count: int = 0, *,
                    set: "Mapping[str, Any] | None" = None, progress: Asked = "auto",
@@ -192,7 +192,8 @@ class Model(Parts):
         with watching(progress, "seeking modes"):
             status, rows, _ = _core.model_modes(self.text, self._name, number, values, count, _settings(set), options)
         self._raise(status)
-        return np.array(rows, dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names])
+        first = 0 if number else 1  # without the value that nobody gave
+        return np.array([row[first:] for row in rows], dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names[first:]])
 
     def harmonic(self, *, loads: Any = None, quantities: "Iterable[str]" = (), frequencies: "Numbers | None" = None,
                  between: "tuple[float, float] | None" = None, points: "int | None" = None,

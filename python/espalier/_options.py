@@ -1,7 +1,8 @@
 """The options of calls that take many of them, with their types."""
 
+import logging
 from os import PathLike
-from typing import Any, Iterable, Literal, Mapping, TypedDict
+from typing import Any, Callable, Iterable, Literal, Mapping, TypedDict
 
 
 class SolverOptions(TypedDict, total=False):
@@ -27,6 +28,15 @@ class SolverOptions(TypedDict, total=False):
     refinement_target: float
     required_backward_error: "float | str"
     record_timeline: bool
+
+
+class MatrixOptions(SolverOptions, total=False):
+    """Of a Solver."""
+
+    symmetry: str
+    log: "logging.Logger | None"
+    permutation: Any
+    progress: "bool | str | Callable[..., Any]"
 
 
 class RunOptions(SolverOptions, total=False):

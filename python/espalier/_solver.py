@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Unpack
 
-    from ._options import SolverOptions
+    from ._options import MatrixOptions, SolverOptions
 
 _core.set_error_maker(make_error)
 _STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
@@ -414,7 +414,13 @@ def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None
     return solver
 
 
-def solve(A: Any, b: Any, **options: "Unpack[SolverOptions]") -> Any:
+@overload
+def solve(A: Any, b: "NDArray[Any]", **options: "Unpack[MatrixOptions]") -> "NDArray[Any]": ...
+@overload
+def solve(A: Any, b: Any, **options: "Unpack[MatrixOptions]") -> Any: ...
+
+
+def solve(A: Any, b: Any, **options: "Unpack[MatrixOptions]") -> Any:
     """x with A x = b; A and options as for Solver, b and x as for Solver.solve()."""
     if A is None:
         raise TypeError("A is None; it must be a sparse matrix")

@@ -29,6 +29,7 @@ result = model.run(until=1.0, quantities=["bob.position"], threads=1, device="cp
 x: float = result["bob.position.x"][-1]
 n = result.t.shape
 esp.Solver(sp.eye_array(3).tocsc(), threads=2, kind="ldlt").solve(np.ones(3)).shape
+esp.solve(sp.eye_array(3).tocsc(), np.ones(3), symmetry="lower", threads=1, progress=False).sum()
 model.statics(linear=True)
 model.modes(4)["frequency"].max()
 model.harmonic(loads="push", between=(1, 2), points=3, tolerance=1e-3)

@@ -23,4 +23,5 @@ model.surface("s", "box", body="ground", radius=1)  # wrong: No overload
 model.contact("c", stiffness=1)  # wrong: Missing named argument "surfaces"
 r = model.run()
 r["a"].shap  # wrong: maybe "shape"?
+esp.solve(None, None, thread=1)  # wrong: did you mean "threads"?
 r.summry  # wrong: maybe "summary"?

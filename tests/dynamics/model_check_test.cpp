@@ -15,6 +15,19 @@ TEST(ModelCheck, NeedsNoRunAndFindsWhatIsWrong) {
   EXPECT_EQ(check_model("/none/m.toml").code, StatusCode::invalid_input);
 }
 
+TEST(ModelCheck, NamesOfOtherPartsMustBeThere) {
+  const auto said = [](const std::string& more) { return check_model_text(kBob + more, "m").message; };
+  const std::string joint = "[joints.j]\ntype = \"spherical\"\n";
+  EXPECT_EQ(said(joint + "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\n"), "");
+  EXPECT_EQ(said(joint + "bodies = [\"ground\", \"bib\"]\nat = [0, 0, 0]\n"),
+            "m:6: joints.j.bodies: unknown body 'bib'; did you mean 'bob'?");
+  EXPECT_EQ(said(joint + "a = \"mark\"\nb = { body = \"bob\" }\n[markers.marc]\nbody = \"bob\"\n"),
+            "m:6: joints.j.a: unknown marker 'mark'; did you mean 'marc'?");
+  EXPECT_EQ(said("[surfaces.ball]\nbody = \"bob\"\nshape = \"sphere\"\nradius = 1\n[contacts.c]\nsurfaces = [\"ba*\", "
+                 "\"bull\"]\nstiffness = 1\n"),
+            "m:8: contacts.c: unknown surface 'bull'; did you mean 'ball'?");
+}
+
 TEST(ModelCheck, UnknownKeysComeBeforeMissingOnes) {
   const std::string head = "[bodies.bob]\ntype = \"rigid\"\nmass = 2\n";
   EXPECT_EQ(check_model_text(head + "bx = [1, 1, 1]\n", "m").message,

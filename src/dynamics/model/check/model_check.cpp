@@ -81,6 +81,50 @@ bool may_come(const std::string& message, const Value& root) {
   return true;
 }
 
+/// Names of bodies, markers and surfaces that other parts have must be there. A run looks for them, too, when it
+/// assembles the bodies.
+class References {
+ public:
+  explicit References(const Description& model) : model_(model) {
+    for (const auto& body : model.bodies) bodies_.push_back(body.name);
+    bodies_.emplace_back("ground");
+    markers_ = bodies_;
+    for (const auto& [name, marker] : model.markers) markers_.push_back(name);
+    for (const auto& surface : model.surfaces) surfaces_.push_back(surface.name);
+  }
+  void check() const {
+    for (const auto& [name, marker] : model_.markers) check_marker(marker);
+    for (const auto& joint : model_.joints)
+      for (const auto& frame : joint.frames) check_marker(frame);
+    for (const auto& force : model_.forces) {
+      for (const auto& frame : force.frames) check_marker(frame);
+      if (!force.body.empty()) expect(force.body, bodies_, "body", force.place);
+    }
+    for (const auto& support : model_.supports) expect(support.where.body, bodies_, "body", support.place);
+    for (const auto& surface : model_.surfaces) expect(surface.body, bodies_, "body", surface.place);
+    for (const auto& contact : model_.contacts)
+      for (const auto* list : {&contact.surfaces, &contact.against})
+        for (const std::string& name : *list) expect(name, surfaces_, "surface", contact.place);
+  }
+
+ private:
+  void check_marker(const dynamics::model::MarkerSpec& marker) const {
+    if (marker.reference.empty())
+      expect(marker.body, bodies_, "body", marker.place);
+    else if (marker.reference.find('.') == std::string::npos)  // of a part that has markers of its own
+      expect(marker.reference, markers_, "marker", marker.place);
+  }
+  /// Patterns, with a star, are looked up by the run.
+  static void expect(const std::string& name, const std::vector<std::string>& known, const char* what,
+                     const dynamics::model::Place& place) {
+    if (name.find('*') == std::string::npos && std::find(known.begin(), known.end(), name) == known.end())
+      fail(place, std::string("unknown ") + what + " '" + name + "'" + dynamics::model::suggestion(name, known));
+  }
+
+  const Description& model_;
+  std::vector<std::string> bodies_, markers_, surfaces_;
+};
+
 std::string json(const Value& value) {
   using dynamics::page::json_text;
   std::vector<std::string> parts;
@@ -116,7 +160,8 @@ Status check_model_text(const std::string& text, const std::string& name, const 
     dynamics::model::expand(root, set);
     if (root.find("integrator") == nullptr && root.find("statics") == nullptr && root.find("harmonic") == nullptr)
       root.entries.emplace_back("statics", Value{});
-    (void)dynamics::model::read_description(root, name);
+    const Description model = dynamics::model::read_description(root, name);
+    References(model).check();
   });
 }
 
