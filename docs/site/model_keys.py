@@ -126,7 +126,7 @@ class Key:
 
 def body_of(text, name):
     """(offset, text) of the body of the function or class called `name`."""
-    start = rf"\b{name}\b(?: final)?" if " " in name else rf"\b{name}\([^;{{}}]*\)(?: const)?"
+    start = rf"\b{name}\b(?: final)?" if " " in name else rf"\b{name}\([^;{{}}]*\)(?: const| try)?"
     for m in re.finditer(start + r"\s*\{", text):
         at = m.end() - 1
         depth, k, quoted = 0, at, False

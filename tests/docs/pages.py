@@ -6,6 +6,7 @@
 - links between pages, to headings and to files of the repository lead somewhere; the README of a folder names all its pages;
 - every key that a model may have is in the guide (docs/site/model_keys.py), every option of the solver on the page of the command
   line or of the library (docs/site/option_names.py);
+- signatures of Python and tables of keys that are made from the readers of models are not stale (docs/site/model_parts.py);
 - every public name of the Python package is in its reference (docs/site/python.rst);
 - the names in the last columns of docs/coming_from/*.md are in the public headers, in the Python package or in a model;
 - with the program: every option of --help is on the page of the command line, and every option there is in --help;
@@ -20,6 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "docs/site"))
 import model_keys  # noqa: E402
+import model_parts  # noqa: E402
 import option_names  # noqa: E402
 
 # Made when the site is built.
@@ -97,6 +99,7 @@ def check_gallery():
 def check_keys():
     sections, wrong = model_keys.collect()
     complaints.extend(wrong)
+    complaints.extend(c for c in model_parts.stale() if c not in wrong)
     return sum(len(lines) for _, _, lines in sections)
 
 

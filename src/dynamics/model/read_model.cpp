@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
 
@@ -274,7 +275,7 @@ void set_rotation(Description& model) {
   }
 }
 
-Description read_description(const Value& root_value, const std::string& file) {
+Description read_description(const Value& root_value, const std::string& file) try {
   Description model;
   model.file = file;
   model.folder = std::filesystem::path(file).parent_path().string();
@@ -319,6 +320,9 @@ Description read_description(const Value& root_value, const std::string& file) {
   set_rotation(model);
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
+} catch (const Error& error) {
+  if (error.status().code == StatusCode::invalid_input) refuse_unknown_sections(root_value);
+  throw;
 }
 
 }  // namespace espalier::dynamics::model
