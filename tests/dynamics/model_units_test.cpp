@@ -17,30 +17,30 @@ namespace {
 using model::UnitSystem;
 using model::Value;
 
-double converted(const std::string& system, double value, const std::string& unit) {
+double in_units_of(const std::string& system, double value, const std::string& unit) {
   return UnitSystem(system).from(value, model::parse_unit(unit));
 }
 
 TEST(ModelUnits, FactorsAreThoseOfTheirDefinitions) {
-  EXPECT_EQ(converted("SI", 3, "mm"), 0.003);
-  EXPECT_EQ(converted("SI", 210, "GPa"), 210e9);
-  EXPECT_EQ(converted("mm-t-s", 210, "GPa"), 210e3);
-  EXPECT_EQ(converted("mm-t-s", 0.54, "kg"), 0.54 / 1000);
-  EXPECT_DOUBLE_EQ(converted("mm-t-s", 7850, "kg/m^3"), 7.85e-9);
-  EXPECT_DOUBLE_EQ(converted("mm-kg-ms", 1, "kN"), 1);
-  EXPECT_DOUBLE_EQ(converted("mm-kg-ms", 1, "GPa"), 1);
-  EXPECT_DOUBLE_EQ(converted("SI", 1500, "rpm"), 50 * std::numbers::pi);
-  EXPECT_DOUBLE_EQ(converted("SI", 30, "deg"), std::numbers::pi / 6);
-  EXPECT_DOUBLE_EQ(converted("in-slinch-s", 1, "lbf"), 1);
-  EXPECT_DOUBLE_EQ(converted("in-slinch-s", 1, "psi"), 1);
-  EXPECT_DOUBLE_EQ(converted("SI", 1, "psi"), 6894.757293168361);
-  EXPECT_DOUBLE_EQ(converted("SI", 1, "slug"), 14.593902937206364);
-  EXPECT_DOUBLE_EQ(converted("cm-g-s", 1, "N"), 1e5);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "kg m2"), 2);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "kg*mm^2"), 2e-6);
-  EXPECT_DOUBLE_EQ(converted("SI", 5, "N/mm"), 5000);
-  EXPECT_DOUBLE_EQ(converted("SI", 5, "1/ms"), 5000);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "%"), 0.02);
+  EXPECT_EQ(in_units_of("SI", 3, "mm"), 0.003);
+  EXPECT_EQ(in_units_of("SI", 210, "GPa"), 210e9);
+  EXPECT_EQ(in_units_of("mm-t-s", 210, "GPa"), 210e3);
+  EXPECT_EQ(in_units_of("mm-t-s", 0.54, "kg"), 0.54 / 1000);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-t-s", 7850, "kg/m^3"), 7.85e-9);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-kg-ms", 1, "kN"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-kg-ms", 1, "GPa"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1500, "rpm"), 50 * std::numbers::pi);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 30, "deg"), std::numbers::pi / 6);
+  EXPECT_DOUBLE_EQ(in_units_of("in-slinch-s", 1, "lbf"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("in-slinch-s", 1, "psi"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1, "psi"), 6894.757293168361);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1, "slug"), 14.593902937206364);
+  EXPECT_DOUBLE_EQ(in_units_of("cm-g-s", 1, "N"), 1e5);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "kg m2"), 2);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "kg*mm^2"), 2e-6);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 5, "N/mm"), 5000);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 5, "1/ms"), 5000);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "%"), 0.02);
 }
 
 TEST(ModelUnits, OwnUnitsOfASystem) {
@@ -67,14 +67,14 @@ TEST(ModelUnits, EveryKeyHasAnOwnUnit) {
     for (const char* system : {"SI", "mm-t-s", "mm-kg-ms", "cm-g-s", "in-slinch-s"}) {
       const std::string unit = UnitSystem(system).unit_of(words);
       EXPECT_EQ(model::parse_unit(unit).dimension, model::parse_dimension(words)) << words << " " << unit;
-      EXPECT_NEAR(converted(system, 1, unit), 1, 1e-14) << words << " " << unit;
+      EXPECT_NEAR(in_units_of(system, 1, unit), 1, 1e-14) << words << " " << unit;
       ++checked;
     }
   }
   EXPECT_GT(checked, 200U);
 }
 
-const std::string kMeasured = R"toml(units = "mm-t-s"
+const std::string kWithUnits = R"toml(units = "mm-t-s"
 gravity = "[0, -9.81, 0] m/s^2"
 [parameters]
 arm = "0.5 m"
@@ -125,7 +125,7 @@ end = "1 ms"
 quantities = ["bob.position.x", "cord.force"]
 )toml";
 
-const std::string kConverted = R"toml(gravity = [0, -9810, 0]
+const std::string kByHand = R"toml(gravity = [0, -9810, 0]
 [parameters]
 arm = 500
 [materials.steel]
@@ -176,7 +176,7 @@ quantities = ["bob.position.x", "cord.force"]
 )toml";
 
 TEST(ModelUnits, AModelWithUnitsIsTheOneConvertedByHand) {
-  const Simulation measured = simulated(kMeasured), plain = simulated(kConverted);
+  const Simulation measured = simulated(kWithUnits), plain = simulated(kByHand);
   EXPECT_EQ(measured.summary().units, "mm-t-s");
   EXPECT_EQ(plain.summary().units, "");
   ASSERT_EQ(measured.summary().values.size(), 4U);

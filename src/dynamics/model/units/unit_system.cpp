@@ -344,11 +344,10 @@ std::string UnitSystem::unit_of(std::string_view words) const {
     }
     return "";
   };
-  if (const std::string whole = name_of_own(dimension);
-      !whole.empty() && dimension != kEnergy && dimension != kFrequency)
+  if (std::string whole = name_of_own(dimension); !whole.empty() && dimension != kEnergy && dimension != kFrequency)
     return whole;
   if (words == "energy")
-    if (const std::string whole = name_of_own(dimension); !whole.empty()) return whole;
+    if (std::string whole = name_of_own(dimension); !whole.empty()) return whole;
   // Word by word: "force*length" is N*mm.
   std::vector<std::pair<std::string, double>> named;
   for (const Part& part : product_of(words)) {
