@@ -234,6 +234,9 @@ TEST(ModelUnits, WhatIsWrongIsRefused) {
       {"whole", replaced(si, "end = 1", "end = 1\nmax_order = \"2 mm\""), {"max_order", "plain number"}},
       {"expression", replaced(si, "mass = 2", "mass = \"2*3 kg\""), {"bodies.bob.mass", "must be a number"}},
       {"unit of nothing", replaced(si, "mass = 2", "mass = \"3 kg/\""), {"a unit is missing"}},
+      {"exponent", replaced(si, "mass = 2", "mass = \"3 kg^99999999999\""), {"an exponent of 1e+11"}},
+      {"no unit", replaced(p, "mass = 2", "mass = \"3 sin(1)\""), {"bodies.bob.mass", "must be a plain number"}},
+      {"no vector", replaced(si, "position = [1, 0, 0]", "position = \"1 m\""), {"position", "list of three"}},
       {"huge", replaced(si, "mass = 2", "mass = \"1e999 kg\""), {"beyond the range"}},
       {"overflow", replaced(si, "mass = 2", "mass = \"1e308 t\""), {"finite"}},
       {"angle", replaced(si, "mass = 2", "mass = 2\nangular_velocity = [0, 0, \"3 Hz\"]"), {"angle/time is expected"}},
@@ -269,6 +272,62 @@ length = "initial"
   EXPECT_EQ(body.find("mesh")->find("file")->text, "2 mm.inp");
   EXPECT_EQ(body.find("mesh")->find("scale")->real, 0.01);
   EXPECT_EQ(root.find("joints")->entries[0].second.find("length")->text, "initial");
+}
+
+/// Every shape in which numbers come: nested lists, repetitions, laws whose dimension follows from other keys.
+TEST(ModelUnits, ListsRepetitionsAndLaws) {
+  Value root = model::parse_toml(R"toml(units = "SI"
+[[repeat]]
+to = 2
+[repeat.bodies."b{i}"]
+type = "beam"
+points = "[[0, 0, 0], [100, 0, 0]] mm"
+position = ["{10*i} mm", 0, "5 cm"]
+[bodies.k]
+type = "rigid"
+inertia = [["1 kg m^2", 0, 0], [0, "2 kg m^2", 0], [0, 0, "3e6 kg mm^2"]]
+[contacts.ball]
+stiffness = "1 N/mm^1.5"
+exponent = 1.5
+[contacts.pad]
+stiffness = "1 MPa/mm"
+[surfaces.disc]
+shape = "sprocket"
+tip = "35 %"
+[splines.cam]
+points = [["1 ms", "2 mm"], [1, "3 deg"]]
+y_scale = "1 mm"
+[initial]
+rotation = { axis = [0, 0, 1], speed = "1500 rpm" }
+[supports.led]
+motion = { z = "1 um" }
+[markers.m]
+bore = { point = ["1 mm", 0, 0], radius = "1 in" }
+[forces.x]
+a = { bore = { length = "2 mm" }, rotation = { axis = [0, 0, 1], angle = "90 deg" } }
+)toml",
+                                 "m.toml");
+  model::expand(root, {});
+  const auto at = [&](const std::vector<const char*>& path) -> const Value& {
+    const Value* value = &root;
+    for (const char* key : path) value = value->find(key);
+    return *value;
+  };
+  EXPECT_EQ(at({"bodies", "b2", "points"}).items[1].items[0].real, 0.1);
+  EXPECT_EQ(at({"bodies", "b2", "position"}).items[0].real, 0.02);
+  EXPECT_EQ(at({"bodies", "b0", "position"}).items[2].real, 0.05);
+  EXPECT_DOUBLE_EQ(at({"bodies", "k", "inertia"}).items[2].items[2].real, 3);
+  EXPECT_NEAR(at({"contacts", "ball", "stiffness"}).real, std::pow(1000, 1.5), 1e-9);
+  EXPECT_DOUBLE_EQ(at({"contacts", "pad", "stiffness"}).real, 1e9);
+  EXPECT_DOUBLE_EQ(at({"surfaces", "disc", "tip"}).real, 0.35);
+  EXPECT_DOUBLE_EQ(at({"splines", "cam", "points"}).items[1].items[1].real, std::numbers::pi / 60);
+  EXPECT_DOUBLE_EQ(at({"splines", "cam", "y_scale"}).real, 1e-3);
+  EXPECT_DOUBLE_EQ(at({"initial", "rotation", "speed"}).real, 50 * std::numbers::pi);
+  EXPECT_DOUBLE_EQ(at({"supports", "led", "motion", "z"}).real, 1e-6);
+  EXPECT_DOUBLE_EQ(at({"markers", "m", "bore", "point"}).items[0].real, 1e-3);
+  EXPECT_DOUBLE_EQ(at({"markers", "m", "bore", "radius"}).real, 0.0254);
+  EXPECT_DOUBLE_EQ(at({"forces", "x", "a", "bore", "length"}).real, 2e-3);
+  EXPECT_DOUBLE_EQ(at({"forces", "x", "a", "rotation", "angle"}).real, std::numbers::pi / 2);
 }
 
 /// Phases are degrees by themselves.

@@ -151,6 +151,9 @@ std::vector<Part> product_of(std::string_view text) {
     Part part{text.substr(0, end), sign};
     text.remove_prefix(end);
     part.exponent *= take_exponent(text);
+    constexpr double kLargest = 20;
+    if (!(std::abs(part.exponent) <= kLargest))
+      throw std::invalid_argument(fmt::format("an exponent of {:g} makes no unit", part.exponent));
     parts.push_back(part);
     sign = 1;
     marked = false;
