@@ -53,7 +53,8 @@ double Section::to_number(const Value& value) {
     try {
       number = Expression(value.text, scope_of(value), false).value();
     } catch (const Error& error) {
-      if (written_value(value.text)) fail(value.place, "must be a plain number here, without a unit");
+      if (written_value(value.text))
+        fail(value.place, std::string("must be a plain number here, without a unit; ") + error.what());
       fail(value.place, std::string("must be a number; ") + error.what());
     }
   } else if (value.type != Value::Type::integer && value.type != Value::Type::real) {

@@ -140,14 +140,15 @@ class Closing {
     const std::optional<std::size_t> row = asked_row(joint);
     if (row && joint.rows().size() == 1 && joint.rows()[0].terms.size() == 1) {
       const JointRow& asks = joint.rows()[*row];
-      const bool driven = asks.driven, length = is_length(asks.terms.front().kind);
-      const double missing = found.phi[first_row(joint) + *row],
-                   reached = joint.coordinate(found.q, static_cast<int>(*row));
-      const std::string unit = length ? length_ : " rad";
+      const bool length = is_length(asks.terms.front().kind);
+      const double missing = found.phi[first_row(joint) + *row];
+      const double asked = asks.driven ? asks.offset + asks.function.value(t)
+                                       : joint.coordinate(found.q, static_cast<int>(*row)) - missing;
+      const std::string unit = length ? length_ : " rad", what = length ? "a displacement of" : "an angle of";
       return fmt::format("joint '{}': {} {:.6g}{} is asked{}, the mechanism reaches {:.6g}{} ({:.4g}{} missing)",
-                         joint.name(), driven ? (length ? "a displacement of" : "an angle of") : "length",
-                         reached - missing, unit, driven ? fmt::format(" at t = {:.6g}", t) : "", reached, unit,
-                         std::abs(missing), unit);
+                         joint.name(), asks.driven ? what : "length", asked, unit,
+                         asks.driven ? fmt::format(" at t = {:.6g}", t) : "", asked + missing, unit, std::abs(missing),
+                         unit);
     }
     return fmt::format("joint '{}' stays open by {}", joint.name(), gap_of(joint, found));
   }
