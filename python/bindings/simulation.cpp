@@ -166,6 +166,13 @@ void bind_simulation(nb::module_& m) {
                d[q.name.c_str()] = q.dimension;
              return d;
            })
+      .def("units",
+           [](SimulationHandle& s) {
+             nb::dict d;
+             for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
+               if (!q.unit.empty()) d[q.name.c_str()] = q.unit;
+             return d;
+           })
       .def("series",
            [](SimulationHandle& s) {
              SimulationSeries series = s.look([](Simulation& sim) { return sim.series(); });

@@ -166,7 +166,7 @@ class Simulation:
     def result(self) -> Result:
         """What is known so far."""
         names, t, values = self._core.series()
-        dimensions = self.quantities
+        dimensions = self._core.units() or self.quantities
         kept = (Cells(*self._core.mesh()), tuple(Frame(*f) for f in self._core.frames())) if self._frames else None
         return Result(t, names, values, Summary(self._core.summary()), {n: dimensions.get(n, "") for n in names}, kept,
                       self._core.page if self._page else None)

@@ -51,15 +51,15 @@ Mesh load_mesh(const MeshFile& file) {
 }
 
 /// What the mesh file states for the elements used, where that is one material.
-/// @param linear  without a density, too
-Material material_of(const Mesh& mesh, const SolidSpec& solid, bool linear, bool& massless) {
+/// @param statics  without a density, too
+Material material_of(const Mesh& mesh, const SolidSpec& solid, bool statics, bool& massless) {
   if (solid.material) return *solid.material;
   std::string name;
   if (const auto it = mesh.section_material.find(solid.element_set); it != mesh.section_material.end())
     name = it->second;
   if (name.empty() && mesh.section_material.size() == 1) name = mesh.section_material.begin()->second;
   for (const MeshMaterial& m : mesh.materials)
-    if (m.name == name && m.young > 0 && (m.density > 0 || linear)) {
+    if (m.name == name && m.young > 0 && (m.density > 0 || statics)) {
       Material result;
       result.young = m.young;
       result.poisson = m.poisson;
@@ -67,8 +67,17 @@ Material material_of(const Mesh& mesh, const SolidSpec& solid, bool linear, bool
       result.density = massless ? 1 : m.density;
       return result;
     }
-  throw Error(StatusCode::invalid_input,
-              "needs 'material': the mesh file states none (or more than one, or no density)");
+  std::string states = "states none";
+  if (name.empty() && !mesh.section_material.empty())
+    states = fmt::format("has {} sections and does not say which of them these elements are; name one by 'element_set'",
+                         mesh.section_material.size());
+  for (const MeshMaterial& m : mesh.materials)
+    if (m.name == name)
+      states = fmt::format("states '{}' without {}", name,
+                           m.young > 0     ? "a density"
+                           : m.density > 0 ? "Young's modulus"
+                                           : "Young's modulus and density");
+  throw Error(StatusCode::invalid_input, fmt::format("needs 'material': the mesh file {}", states));
 }
 
 /// The solids of a mesh, where it has surfaces, lines and points too that lie on them (Gmsh writes .inp files so).
@@ -115,12 +124,12 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
-std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool linear,
+std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool statics,
                                          base::ThreadPool& pool, BuiltBody& out) {
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh =
       std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
-  out.material = material_of(*mesh, solid, linear, out.spec.massless);
+  out.material = material_of(*mesh, solid, statics, out.spec.massless);
   std::vector<Index> elements;
   elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
@@ -166,9 +175,9 @@ std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& 
   return make_shell_body(spec.name, positions, directors, shell_quads(s), s.material, s.thickness);
 }
 
-std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool linear, base::ThreadPool& pool,
+std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool statics, base::ThreadPool& pool,
                                                  BuiltBody& out) {
-  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, linear, pool, out);
+  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, statics, pool, out);
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
@@ -210,7 +219,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
     at_place(spec.place, [&] { build_substructure(model, out, built); });
     return built;
   }
-  auto body = make_flexible_body(spec, model.linear(), out.pool, built);
+  auto body = make_flexible_body(spec, model.statics.has_value(), out.pool, built);
   if (built.spec.massless && !(gravity.isZero(0) && model.initial.modes == 0 && !model.harmonic))
     fail(spec.place, "needs a density, which its mesh file does not state: give it a material");
   if (spec.reduction) {

@@ -7,6 +7,7 @@
 
 #include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/frames/names.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -202,7 +203,7 @@ void read_solver(const Value& table, Description& model) {
   }
 }
 
-/// Without a density there is no weight, and nothing swings.
+/// Without a density there is no weight, nothing swings, and nothing pulls outwards.
 void check_densities(const Description& model) {
   for (const BodySpec& body : model.bodies) {
     if (!body.massless) continue;
@@ -213,6 +214,9 @@ void check_densities(const Description& model) {
     if (!body.gravity.value_or(model.gravity).isZero(0)) refuse("there is gravity; gravity = [0, 0, 0] takes it away");
     if (model.initial.modes > 0) refuse("natural frequencies are asked for");
     if (model.harmonic) refuse("a frequency response is asked for");
+    if (model.initial.rotation) refuse("[initial] rotation makes it turn, and pulls at its mass");
+    if (body.reduction && body.reduction->frequency < std::numeric_limits<double>::max())
+      refuse("'reduce' keeps the modes below a frequency");
   }
 }
 
@@ -278,8 +282,10 @@ Description read_description(const Value& root_value, const std::string& file) t
   model.keys = model_keys(root_value);
   Section root(root_value);
   model.title = root.text("title", std::filesystem::path(file).stem().string());
+  model.units = root.text("units", "");
   model.gravity = root.vector("gravity", Vec3::Zero());
-  if (asks_for_linear_statics(root_value)) model.statics.emplace().options.path = StaticPath::linear;  // densities
+  if (root.has("statics")) model.statics.emplace();  // bodies then do without densities
+  if (asks_for_linear_statics(root_value)) model.statics->options.path = StaticPath::linear;
   read_bodies(root, model);
   root.named("markers",
              [&](const std::string& name, const Value& value) { model.markers[name] = read_marker(value, name); });
@@ -309,6 +315,7 @@ Description read_description(const Value& root_value, const std::string& file) t
   if (const Value* s = root.value("solver")) read_solver(*s, model);
   root.finish();
   check_names(model);
+  settle_frame_names(model);
   check_densities(model);
   set_rotation(model);
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");

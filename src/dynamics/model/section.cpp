@@ -7,6 +7,7 @@
 
 #include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/expand.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -52,6 +53,7 @@ double Section::to_number(const Value& value) {
     try {
       number = Expression(value.text, scope_of(value), false).value();
     } catch (const Error& error) {
+      if (written_value(value.text)) fail(value.place, "must be a plain number here, without a unit");
       fail(value.place, std::string("must be a number; ") + error.what());
     }
   } else if (value.type != Value::Type::integer && value.type != Value::Type::real) {

@@ -8,6 +8,7 @@
 
 #include "base/at.hpp"
 #include "dynamics/model/fields/locate.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -150,12 +151,7 @@ Where::Kind kind_of_set(const SampledBody& body, const Where& where) {
 }
 
 Index node_of_label(const SampledBody& body, std::int64_t label) {
-  if (!body.body().mesh && label == -1) return body.nodes() - 1;
-  for (Index k = 0; k < body.nodes(); ++k)
-    if (body.node_label(k) == label) return k;
-  throw std::invalid_argument(
-      body.body().mesh ? fmt::format("the mesh of '{}' has no node {}", body.body().spec.name, label)
-                       : fmt::format("'{}' has the nodes 1 to {} (-1: the last)", body.body().spec.name, body.nodes()));
+  return nodes_labelled(body.body(), {label}).front();
 }
 
 std::vector<Index> elements_of_set(const SampledBody& body, const std::string& set) {
