@@ -12,7 +12,7 @@ import sys
 import textwrap
 
 import model_keys
-from model_parts_text import DIMENSIONS, LENGTHS, METHODS, TABLES
+from model_parts_text import METHODS, PATHS, TABLES
 
 ROOT = model_keys.ROOT
 MADE = "Made by docs/site/model_parts.py --write from the calls in src/dynamics/model/read_*.cpp; do not edit."
@@ -59,9 +59,9 @@ PARTS = {
         ("line", "radius divisions", "radius"))},
     "contacts": {"": ("read_contact read_contact_law", "", "surfaces stiffness")},
     "materials": {"": ("read_material", "", "young")},
-    "markers": {"": ("read_marker read_attach read_axes read_where", "same_as body global point axis x_axis rotation attach node near face"
+    "markers": {"": ("read_marker read_attach read_axes read_where read_nodes", "same_as body global point axis x_axis rotation attach node near face"
                      " nodes edge radius bore most_nodes", "")},
-    "supports": {"": ("read_where read_support read_hold read_symmetry", "body node near face nodes edge radius bore hold symmetry"
+    "supports": {"": ("read_where read_nodes read_support read_hold read_symmetry", "body node near face nodes edge radius bore hold symmetry"
                       " rotation motion", "body")},
     "splines": {"": ("read_spline CsvTable", "", "")},
     "events": {"": ("read_condition read_event", "", "when")},
@@ -114,7 +114,7 @@ def type_of(section, kind, key):
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("splines", "points"): "Points",
                ("splines", "x"): "Whole", ("splines", "y"): "Whole", ("events", "set"): "Mapping[str, Number]", ("Damping", "ratio"): "Number | Numbers",
                ("initial", "rotation"): "SteadyRotation", ("initial", "statics"): "bool | Statics", ("output", "paths"): "Mapping[str, Mapping[str, Any]]",
-               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("events", "when"): "str"}
+               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}
     if (section, kind) == ("bodies", "substructure") and key.name in ("stiffness", "mass"):
         return "MatrixFile"
     if (section, kind, key.name) in special:
@@ -140,11 +140,34 @@ def plain_words(text):
     return text.replace("\\", "").replace('"""', "'")
 
 
+def dimension_rows():
+    """(tables, condition, keys, dimension) of units/key_dimensions.cpp."""
+    text = (model_keys.MODEL / "units/key_dimensions.cpp").read_text()
+    names = dict(re.findall(r'(k\w+) = "([^"]*)"', text))
+    rows = re.findall(r'\{("[^"]*"|k\w+),\s*"([^"]*)",\s*"([^"]*)",\s*"([^"]*)"\}', text)
+    return [(names.get(tables, tables.strip('"')), where, keys.split(), dimension) for tables, where, keys, dimension in rows]
+
+
+def dimension_of(section, kind, name):
+    """In words, "length^2 or 1/time"; "" for plain numbers, and where it depends on the type that is not said."""
+    path = PATHS.get(section, f"{section}.*").split(".")
+    found = []
+    for tables, where, keys, dimension in dimension_rows():
+        parts = tables.split(".")
+        if name not in keys or len(parts) != len(path) or not all(p == "*" or p in given.split("|") for p, given in zip(path, parts)):
+            continue
+        if where and kind and kind not in where.partition("=")[2].split("|"):
+            continue
+        found += [d for d in dimension.split("|") if d not in found]
+        if not where or kind:
+            break
+    return " or ".join(found).replace("*", " ") if found not in ([], ["1"], ["any"]) else ""
+
+
 def told(section, kind, name, row, needed):
     """One key in a docstring."""
     key, meaning = row
-    length = "length" if section == "Mesh" and name.removesuffix("_").endswith(LENGTHS) else ""
-    dimension = DIMENSIONS.get((section, kind, name), DIMENSIONS.get((section, name), DIMENSIONS.get(name, length)))
+    dimension = dimension_of(section, kind, name)
     default = key.default
     if default == "needed" and name not in needed:
         default = ""
@@ -159,7 +182,7 @@ def type_words(section, kind, key):
     if (section, kind, key.name) == ("forces", "force-motor", "force") or (section, kind) == ("bodies", "substructure") and key.name in ("stiffness", "mass"):
         return special[type_of(section, kind, key)]
     names = {"str | Material": "a name of [materials] or {young, poisson, density, law}", "Points": "list of points",
-             "NodesFile | Items[Node]": "list of {label, position, components}, or {file}", "Whole": "name or number of a column",
+             "NodesFile | Items[Node]": "list of {label, position, components}, or {file}", "Whole": "name or number of a column", "str | Items[Whole]": "a name or a list of labels",
              "Mapping[str, Number]": "{input: value}", "Displacements": "{x, y, z}"}
     said = type_of(section, kind, key)
     if said in TABLES:
@@ -272,14 +295,14 @@ def table(rows):
         for kind, (readers, chosen, _) in kinds.items():
             found.append((section, kind, " ".join(rows.keys(readers, chosen))))
     out = [f"// {MADE}", "// clang-format off", '#include "dynamics/model/check/part_keys.hpp"', "", "namespace espalier::dynamics::model {", "",
-           "std::span<const PartKeys> all_part_keys() {", "  static constexpr PartKeys kRows[] = {"]
+           "std::span<const PartKeys> all_part_keys() {", "  static constexpr PartKeys kPartKeys[] = {"]
     for section, kind, keys in found:
         words = list(dict.fromkeys(keys.split()))
         text = textwrap.wrap(" ".join(words), 100)
         out.append(f'      {{"{section}", "{kind}",')
         out += [f'       "{line}{" " if k + 1 < len(text) else ""}"' for k, line in enumerate(text)]
         out[-1] += "},"
-    out += ["  };", "  return kRows;", "}", "", "}  // namespace espalier::dynamics::model", ""]
+    out += ["  };", "  return kPartKeys;", "}", "", "}  // namespace espalier::dynamics::model", ""]
     return "\n".join(out)
 
 
@@ -298,7 +321,7 @@ def collect():
 
 
 # Keys of a table inside, whose reader is that of the part.
-NESTED = {("bodies", "read_substructure", "file"), ("markers", "read_where", "length"), ("supports", "read_where", "length"),
+NESTED = {("markers", "read_marker", "name"), ("bodies", "read_substructure", "file"), ("markers", "read_where", "length"), ("supports", "read_where", "length"),
           ("supports", "read_where", "point"), ("supports", "read_where", "axis"),
           ("forces", "read_frames", "c"), ("forces", "read_frames", "d")}
 

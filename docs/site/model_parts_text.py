@@ -1,36 +1,10 @@
-"""For model_parts.py: dimensions of keys, tables inside of parts, and the calls that add parts."""
+"""For model_parts.py: tables inside of parts, and the calls that add parts."""
 
-# Of a key everywhere, of a key of a section, or of a key of one type.
-DIMENSIONS = {
-    "mass": "mass", "box": "length", "inertia": "mass length^2", "position": "length", "velocity": "length/time",
-    "angular_velocity": "1/time", "gravity": "length/time^2", "young": "force/length^2", "density": "mass/length^3", "start": "length",
-    "end": "length", "radius": "length", "axial": "force", "bending": "force length^2", "mass_per_length": "mass/length", "points": "length",
-    "direction": "", "length": "length", "curvature": "1/length", "height": "length", "width": "length", "shear_y": "force",
-    "shear_z": "force", "torsion": "force length^2", "bending_y": "force length^2", "bending_z": "force length^2", "section_normal": "force",
-    "section_shear": "force", "inertia_y": "mass length", "inertia_z": "mass length", "origin": "length", "thickness": "length",
-    "point": "length", "near": "length", "at": "length", "size": "length", "pitch": "length", "roller_radius": "length", "tip": "",
-    "margin": "length", "overlap": "length", "penetration": "length", "stribeck_speed": "length/time", "slip_speed": "length/time",
-    "torque": "force length", "pressure": "force/length^2", "rim": "length", "lengths": "length", "curvatures": "1/length",
-    "position_tolerance": "length", "through": "length", "angular_stiffness": "force length", "angular_damping": "force length time",
-    "lower": "length or radians", "upper": "length or radians", "frequency": "1/time", "frequencies": "1/time", "scale": "length",
-    "tangential_stiffness": "force/length", "tangential_damping": "force time/length", "moment": "force length",
-    ("forces", "stiffness"): "force/length", ("forces", "damping"): "force time/length", ("forces", "force"): "force",
-    ("forces", "preload"): "force", ("forces", "actuator"): "force", ("forces", "rest"): "length", ("forces", "smoothing"): "length",
-    ("forces", "rotational-spring", "stiffness"): "force length", ("forces", "rotational-spring", "damping"): "force length time",
-    ("forces", "rotational-spring", "preload"): "force length", ("forces", "rotational-spring", "actuator"): "force length",
-    ("forces", "rotational-spring", "rest"): "radians", ("forces", "guide", "direction"): "radians", ("contacts", "stiffness"): "force/length",
-    ("contacts", "damping"): "force time/length", ("contacts", "smoothing"): "length", ("joints", "rotation-motor", "motion"): "radians",
-    ("joints", "translation-motor", "motion"): "length", ("joints", "prescribed", "motion"): "length", ("bodies", "substructure", "mass"): "",
-    ("events", "tolerance"): "time", ("surfaces", "divisions"): "", ("integrator", "start"): "time", ("integrator", "end"): "time",
-    ("integrator", "step"): "time", ("integrator", "initial_step"): "time", ("integrator", "max_step"): "time",
-    ("integrator", "min_step"): "time", ("statics", "time"): "time", ("Damping", "mass"): "1/time", ("Damping", "stiffness"): "time",
-    ("Limits", "stiffness"): "force/length or force length", ("Friction", "preload"): "force", ("harmonic", "from"): "1/time",
-    ("harmonic", "to"): "1/time", ("SteadyRotation", "speed"): "radians/time", ("Rotation", "angle"): "radians",
-    ("harmonic", "points"): "", ("output", "csv_interval"): "time", ("output", "vtu_interval"): "time"}
-
-# Ends of keys of parts that are meshed.
-LENGTHS = ("radius", "length", "thickness", "inner", "outer", "lx", "ly", "lz", "shank_big", "shank_small", "waist", "lead", "web_big",
-           "web_small", "web_neck", "module", "backlash", "tip_relief")
+# Where a table stands, for its rows in units/key_dimensions.cpp.
+PATHS = {"Rotation": "bodies.*.rotation", "Material": "materials.*", "Mesh": "bodies.*.mesh", "Damping": "bodies.*.damping",
+         "Reduction": "bodies.*.reduce", "Node": "bodies.*.nodes", "Bore": "markers.*.bore", "Frame": "markers.*",
+         "Displacements": "supports.*.motion", "Limits": "joints.*.limits", "Friction": "joints.*.friction", "SteadyRotation": "initial.rotation",
+         "Integrator": "integrator", "Statics": "statics", "Initial": "initial", "HarmonicKeys": "harmonic", "Output": "output"}
 
 # Tables inside of parts, and sections of the top: what they are, their readers, and the keys if not all of them.
 TABLES = {
@@ -44,8 +18,8 @@ TABLES = {
     "Node": ("Of a substructure.", "read_node", ""),
     "NodesFile": ("A file with GRID cards.", "read_matrix", "file"),
     "Bore": ("Outer faces on a cylinder.", "read_where", "point axis radius length"),
-    "Frame": ("A marker in line.", "read_marker read_attach read_axes read_where",
-              "same_as body global point axis x_axis rotation attach node near face nodes edge radius bore most_nodes"),
+    "Frame": ("A marker in line.", "read_marker read_attach read_axes read_where read_nodes",
+              "same_as name body global point axis x_axis rotation attach node near face nodes edge radius bore most_nodes"),
     "Displacements": ("Of a support: numbers or functions of time.", "motion", "x y z"),
     "Limits": ("Of the coordinate of a joint.", "read_limits", ""),
     "Friction": ("Of a joint.", "read_friction", ""),

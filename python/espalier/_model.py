@@ -37,28 +37,30 @@ def _moved(tree: Any, before: str, after: str) -> Any:
 
 
 class Model(Parts):
-    """A model as a tree of keys and values, those of docs/guide/simulate.md, which is its attribute `tree`.
+    """A model as a tree of keys and values, those of docs/guide/simulate.md.
 
     Model.load(path) and Model.from_text(text) read one; Model(dictionary) takes the same keys from Python; body(), joint()
     and so on add named parts, and check them at once: keys, kinds and ranges. What a part refers to is looked for by
     check(), or when something is run. Every model can be changed, and saved by save(path).
     """
 
-    def __init__(self, tree: "Mapping[str, Any] | None" = None, *, title: "str | None" = None, gravity: "Vector | None" = None,
+    def __init__(self, tree: "Mapping[str, Any] | None" = None, *, title: "str | None" = None, units: "str | None" = None,
+                 gravity: "Vector | None" = None,
                  parameters: "Mapping[str, float | str] | None" = None, integrator: "Integrator | None" = None,
                  statics: "Statics | None" = None, initial: "Initial | None" = None, harmonic: "HarmonicKeys | None" = None,
                  output: "Output | None" = None, solver: "SolverOptions | None" = None, **sections: "Unpack[Sections]") -> None:
         """tree: all of a model. The others are keys at its top, instead of those of the tree; sections: bodies={...} and the
         like, as a tree has them."""
-        given = {"title": title, "gravity": gravity, "parameters": parameters, "integrator": integrator, "statics": statics,
+        given = {"title": title, "units": units, "gravity": gravity, "parameters": parameters, "integrator": integrator, "statics": statics,
                  "initial": initial, "harmonic": harmonic, "output": output, "solver": solver, **sections}
         known = next(keys for section, _, keys in _core.model_part_keys() if not section)
         for key in sections:
             if key not in known:
                 raise TypeError(f"Model(): there is no argument {key!r}{_checks.near(key, known)}")
-        self.tree: "dict[str, Any]" = {**_checks.mapping(tree, "tree"), **{k: v for k, v in given.items() if v is not None}}
+        self._tree: "dict[str, Any] | None" = {**_checks.mapping(tree, "tree"), **{k: v for k, v in given.items() if v is not None}}
         self._name = "model"  # of the text in messages; its folder is where files are
-        self._read: "tuple[str, str] | None" = None  # a text that was read, and what the tree made of it as it was then
+        self._text: "str | None" = None  # that was read, with its tree as JSON, and as TOML since somebody has looked at it
+        self._json = self._written = ""
 
     @classmethod
     def load(cls, path: "str | os.PathLike[str]") -> "Model":
@@ -73,15 +75,31 @@ class Model(Parts):
 
     @classmethod
     def _of(cls, text: str, name: str) -> "Model":
-        model = cls(json.loads(_core.model_as_json(text, name)))
-        model._name, model._read = name, (text, toml_of(model.tree))
+        model = cls()
+        model._tree, model._name, model._text, model._json = None, name, text, _core.model_as_json(text, name)
         return model
+
+    @property
+    def tree(self) -> "dict[str, Any]":
+        """The keys and values, to be looked at and changed."""
+        if self._tree is None:
+            self._tree = json.loads(self._json)
+            self._written = toml_of(self._tree)
+        return self._tree
+
+    @tree.setter
+    def tree(self, tree: "Mapping[str, Any]") -> None:
+        self._tree = dict(_checks.mapping(tree, "tree"))
 
     @property
     def text(self) -> str:
         """As TOML; what was read and not changed stays as it was written."""
-        written = toml_of(self.tree)
-        return self._read[0] if self._read is not None and self._read[1] == written else written
+        if self._text is not None and self._tree is None:
+            return self._text
+        return self._as_read(toml_of(self.tree))
+
+    def _as_read(self, written: str) -> str:
+        return self._text if self._text is not None and written == self._written else written
 
     def save(self, path: "str | os.PathLike[str]") -> None:
         """Writes the model as a file. Paths of meshes and tables are written so that they lead to the same files from there;
@@ -90,7 +108,7 @@ class Model(Parts):
         before, after = (os.path.dirname(os.path.abspath(p)) for p in (self._name, path))
         written = toml_of(self.tree if before == after else _moved(self.tree, before, after))
         with open(path, "w", encoding="utf-8") as file:
-            file.write(self._read[0] if self._read is not None and self._read[1] == written else written)
+            file.write(self._as_read(written))
 
     def check(self, *, set: "Mapping[str, Any] | None" = None) -> None:
         """Reads all of the model without assembling it: keys, kinds, ranges, names of parts. Raises InvalidInputError for what
@@ -103,7 +121,7 @@ class Model(Parts):
         if code == 0:
             return
         message = message.replace("--set: harmonic.", "Model.harmonic(): ").replace("--set: ", "set: ")
-        if self._read is None or self.text != self._read[0]:
+        if self._text is None or self.text != self._text:
             message = re.sub(rf"(^|: ){re.escape(self._name)}(:\d+)?: ", r"\1", re.sub(r" \(line \d+\)", "", message))
         raise make_error(code, message, row)
 
@@ -131,12 +149,11 @@ class Model(Parts):
     def _check_part(self, section: str, name: str, keys: Any) -> None:
         value = ("{" + ", ".join(f"{_key(k)} = {_value(v, k)}" for k, v in keys.items()) + "}" if isinstance(keys, Mapping)
                  else _value(keys, "value"))
-        text = f"{section}.{_key(name)} = {value}\n"
-        if self.tree.get("parameters"):
-            text += toml_of({"parameters": self.tree["parameters"]})
+        text = f"[{section}]\n{_key(name)} = {value}\n"
+        text = toml_of({k: self.tree[k] for k in ("units", "parameters") if self.tree.get(k)}) + text
         code, message, row = _core.check_model_part(section, name, text, self._name)
         if code != 0:
-            message = re.sub(r"^(\S+): unknown key", lambda m: f"unknown key {m[1]!r}", re.sub(r"^:\d+: ", "", message))
+            message = re.sub(r"^(\S+): unknown key", lambda m: f"unknown key {m[1]!r}", re.sub(rf"^:\d+: ({section}\.{re.escape(name)}(\.|: |$))?", "", message))
             raise make_error(code, f"Model.{_CALLS.get(section, section)}({name!r}): {message}", row)
 
     def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: Asked = "auto",
@@ -246,7 +263,7 @@ class Model(Parts):
 
     def __repr__(self) -> str:
         counts = [f"{len(v)} {k}" for k, v in self.tree.items() if k in _CALLS and isinstance(v, Mapping)]
-        title = self.tree.get("title") or (self._name if self._read is not None else "")
+        title = self.tree.get("title") or (self._name if self._text is not None else "")
         return f"<espalier.Model{f' {title!r}' if title else ''}: {', '.join(counts) or 'empty'}>"
 
 

@@ -21,9 +21,9 @@ class Parts:
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
 
         type "point" (gravity, mass, position, velocity as above)
 
@@ -58,8 +58,8 @@ class Parts:
             arc, a helix, a twisted straight beam
         length: number > 0 [length]. constant curvature in radians per length, about the axes of the section: an arc,
             a helix, a twisted straight beam
-        curvature: list of three numbers [1/length]. constant curvature in radians per length, about the axes of the
-            section: an arc, a helix, a twisted straight beam
+        curvature: list of three numbers [angle/length or 1/length]. constant curvature in radians per length, about
+            the axes of the section: an arc, a helix, a twisted straight beam
         y: list of three numbers
         height: number > 0 [length]
         width: number > 0 [length]
@@ -77,9 +77,9 @@ class Parts:
 
         type "shell" (gravity, position, rotation, velocity, angular_velocity, damping, reduce as above):
         origin: list of three numbers [length], default [0, 0, 0]
-        x: list of three numbers, needed
-        y: list of three numbers, needed
-        curvature: number [1/length], default 0
+        x: list of three numbers [length], needed
+        y: list of three numbers [length], needed
+        curvature: number [1/length or angle/length], default 0
         nx: whole number, default 4
         ny: whole number, default 4
         thickness: number > 0 [length], needed
@@ -102,7 +102,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -136,7 +136,7 @@ class Parts:
         type "revolute-spherical" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, length as above)
 
         type "rotation-motor" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
-        motion: function of time [radians], needed
+        motion: function of time [angle], needed
         from: one of zero, initial, default zero
 
         type "translation-motor" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, from as above):
@@ -171,7 +171,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -186,17 +186,17 @@ class Parts:
             actuator as above)
 
         type "rotational-spring" (a, b, bodies, at, rotation, axis, x_axis, active as above):
-        stiffness: number [force length], default 0
-        damping: number [force length time], default 0
-        rest: number, or "initial" [radians]
+        stiffness: number [force length/angle], default 0
+        damping: number [force length time/angle], default 0
+        rest: number, or "initial" [angle]
         preload: number [force length], default 0
         actuator: expression [force length]. added to stiffness and damping
 
         type "bushing" (a, b, bodies, at, rotation, axis, x_axis, active as above):
         stiffness: list of three numbers [force/length], default [0, 0, 0]
         damping: list of three numbers [force time/length], default [0, 0, 0]
-        angular_stiffness: list of three numbers [force length], default [0, 0, 0]
-        angular_damping: list of three numbers [force length time], default [0, 0, 0]
+        angular_stiffness: list of three numbers [force length/angle], default [0, 0, 0]
+        angular_damping: list of three numbers [force length time/angle], default [0, 0, 0]
 
         type "load" (active as above):
         a: a marker's name or a table, needed
@@ -217,9 +217,9 @@ class Parts:
         smoothing: number > 0 [length], needed
         both_sides: true or false, default false
         start: list of three numbers [length], default [0, 0, 0]
-        direction: number [radians], default 0
+        direction: number [angle], default 0
         lengths: list of numbers [length], needed
-        curvatures: list of numbers [1/length], needed
+        curvatures: list of numbers [1/length or angle/length], needed
 
         type "torque-motor" (a, b, bodies, at, rotation, axis, x_axis, active as above):
         torque: expression [force length], needed. on b about z of a, the opposite on a
@@ -234,11 +234,12 @@ class Parts:
         symmetry="x" or motion={"z": 1e-3}.
 
         body: text, needed. which nodes, as of a marker
-        node: whole number, default 0. flexible: node by its label in the mesh file; beams, cables, shells: counted
-            from 1, -1 the last
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
         face: text. solids: a face set, held as attach says
-        nodes: text. flexible: mean of a node set
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -248,7 +249,7 @@ class Parts:
             "x", "yz", ["x", "z"]
         symmetry: one of x, y, z. normal of a plane of symmetry, "x" or [1, 1, 0]: nodes stay in the plane, directors
             and slopes stay mirrored
-        rotation: rotation. of the directions x, y, z, which are global ones, as of a body
+        rotation: rotation [angle]. of the directions x, y, z, which are global ones, as of a body
         motion: {x, y, z}. { z = 1e-3 } or { z = "1e-3*sin(10*t)", x = "table(t)" }: displacements from the start,
             numbers or functions of time (also [splines])
         """
@@ -262,7 +263,7 @@ class Parts:
         point: list of three numbers [length], default [0, 0, 0]. of the shape's origin: from the centre of mass, in
             body axes (ground: global)
         normal: list of three numbers. of a plane, instead of rotation: out of the half space
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
 
         shape "sphere" (body, point as above):
         radius: number > 0 [length], needed. of a sphere, capsule or cylinder
@@ -280,7 +281,7 @@ class Parts:
         shape "mesh" (body, point, rotation as above):
         file: text, needed. of a mesh: .stl (text or binary), .obj, or a mesh file as for solids, of which the outer
             faces count; .gz too
-        scale: number > 0 [length], default 1. factor on the coordinates of the file
+        scale: number > 0, default 1. factor on the coordinates of the file
 
         shape "faces" (body as above):
         set: text. of faces: a face set of the solid's mesh
@@ -312,27 +313,31 @@ class Parts:
 
         active: true or false, default true. at the start
         surfaces: list of texts, needed. names of surfaces; * stands for any letters: ["ball*", "floor"]
-        against: list of texts. more of them: only those of surfaces touch only these
+        against: list of texts. names of a second group: each surface of surfaces may touch each of against, and no
+            others
         self: true or false, default false. faces and sides of shells among surfaces touch themselves, too
-        margin: number > 0 [length]. of the search: pairs that come that near are looked at
+        margin: number > 0 [length]. of the search: pairs of surfaces that are nearer than this are looked at
         overlap: number >= 0 [length]. how far surfaces may overlap at the start
-        penetration: number > 0 [length]. of solids: at most so much, by augmented Lagrangian
+        penetration: number > 0 [length]. of solids: the largest penetration that is allowed, kept by an augmented
+            Lagrangian
         law: one of penalty, impulse, default penalty. penalty: forces; impulse: impacts that take no time, of rigid
             shapes
-        stiffness: number > 0 [force/length], needed. k: force over penetration^e
+        stiffness: number > 0 [force/length^e or force/length^2/length^e or force/length/length^e], needed. k: force
+            over penetration^e
         exponent: number > 0, default 1. e: 1, or 1.5 for spheres (Hertz)
         smoothing: number >= 0 [length]. with the exponent 1: penetration over which the stiffness builds up
-        damping: number >= 0 [force time/length]. a of Hunt and Crossley: forces are multiplied by 1 + a times the
-            speed of penetration
+        damping: number >= 0 [time/length]. a of Hunt and Crossley: forces are multiplied by 1 + a times the speed of
+            penetration
         restitution: number >= 0. of rigid shapes, instead of damping: what meets with v parts with this part of v, at
             any v; above 0, with impulse from 0 on
         friction: number >= 0. Coulomb's coefficient, of what slides
         static: number >= 0. of what rests: at the slip speed s the coefficient is friction + (static - friction)
             exp(-(s / stribeck_speed)^2)
         stribeck_speed: number > 0 [length/time]. where static has fallen off
-        tangential_stiffness: number > 0 [force/length]. of the spring that holds until it slips: force (solids:
-            stress) over length
-        tangential_damping: number >= 0 [force time/length]. of a damper beside it
+        tangential_stiffness: number > 0 [force/length or force/length^3 or force/length^2]. of the spring that holds
+            until it slips: force (solids: stress) over length
+        tangential_damping: number >= 0 [force time/length or force time/length^3 or force time/length^2]. of a damper
+            beside it
         """
         return self.part("contacts", name, keys)
 
@@ -353,19 +358,20 @@ class Parts:
         body: text. a body's name, or ground
         global: true or false, default false. point and axes are global, in the initial state
         point: list of three numbers [length], default [0, 0, 0]. rigid: from the centre of mass in body axes; ground:
-            global; face: what the mean is to be (below)
+            global; face: where the frame is to be instead of the mean of the face's nodes (below)
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
             rotation are held, and the face may bend and warp
-        node: whole number, default 0. flexible: node by its label in the mesh file; beams, cables, shells: counted
-            from 1, -1 the last
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
         face: text. solids: a face set, held as attach says
-        nodes: text. flexible: mean of a node set
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -383,7 +389,7 @@ class Parts:
             slopes, quiet at corners; monotone (Fritsch and Butland): continuous slopes, never beyond its points;
             cubic: natural spline, continuous second derivatives (motions want them)
         outside: one of constant, linear, error, default error. of the points: constant, linear, error
-        points: list of points [length]. [[x, y], ...] instead of a file
+        points: list of points. [[x, y], ...] instead of a file
         file: text. a CSV file and its columns. # begins a comment
         x_scale: number, default 1. factors on the columns
         y_scale: number, default 1. factors on the columns
@@ -400,10 +406,10 @@ class Parts:
         contact: text. instead of a comparison: the name of a contact, with when = "closes" or "opens"
         stop: true or false, default false. the run ends here, with status ok
         once: true or false, default false. only the first time
-        on: list of texts. names of joints and forces to be switched. active = false in a joint or force: off at the
-            start
-        off: list of texts. names of joints and forces to be switched. active = false in a joint or force: off at the
-            start
+        on: list of texts. names of joints and forces that are switched on or off. active = false in a joint or force:
+            off at the start
+        off: list of texts. names of joints and forces that are switched on or off. active = false in a joint or
+            force: off at the start
         tolerance: number > 0 [time]. of the time
         position_tolerance: number > 0 [length]. joints that are switched on must fit: largest change of positions
             that they may need

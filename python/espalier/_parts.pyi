@@ -16,12 +16,12 @@ class Items(Protocol[_T_co]):
     def __len__(self) -> int: ...
 
 Number = float | str | np.floating[Any] | np.integer[Any]
-"""A number, or an expression of parameters (of time, of quantities where the guide says so): "2*length"."""
+"""A number, or a text: with a unit ("3 mm"), or an expression of parameters (of time, of quantities where the guide says so)."""
 Whole = int | str | np.integer[Any]
 Texts = str | Items[str]
 Numbers = Items[Number]
-Vector = Numbers
-"""Three numbers: a list, a tuple, an array of shape (3,)."""
+Vector = Numbers | str
+"""Three numbers: a list, a tuple, an array of shape (3,), or a text with a unit, "[1, 0, 0] mm"."""
 Points = Items[Vector]
 """A list of points, or an array of shape (n, 3)."""
 
@@ -29,7 +29,7 @@ Points = Items[Vector]
 class Rotation(TypedDict, total=False):
     """Of axes: {axis, angle} in radians, or {quaternion} = [w, x, y, z].
     axis: list of three numbers
-    angle: number [radians]
+    angle: number [angle]
     quaternion: list of numbers
     """
 
@@ -55,7 +55,7 @@ class Material(TypedDict, total=False):
 class Mesh(TypedDict, total=False):
     """A mesh file, or a part that is meshed.
     file: text
-    scale: number > 0 [length], default 1
+    scale: number > 0, default 1
     part: one of block, connecting-rod, chain-link, crank, guide, bladed-rotor, spur-gear, tyre
     unknowns: number > 0
     element: one of hex8, hex20, default hex8
@@ -85,7 +85,7 @@ class Mesh(TypedDict, total=False):
     pin_length: number > 0 [length], default 0.024
     lead: number > 0 [length], default 0.1
     radius: number > 0 [length], default 0.15
-    angle: number > 0, default 1.5707963267948966
+    angle: number > 0 [angle], default 1.5707963267948966
     height: number > 0 [length], default 0.01
     width: number > 0 [length], default 0.02
     blades: whole number, default 12
@@ -99,13 +99,13 @@ class Mesh(TypedDict, total=False):
     disc_position: number > 0, default 0.5
     blade_fraction: number > 0, default 0.35
     blade_taper: number, default 0.4
-    blade_twist: number, default 0.6
+    blade_twist: number [angle], default 0.6
     section_radius: number > 0 [length], default 0.10
-    opening: number > 0, default 0.7
+    opening: number > 0 [angle], default 0.7
     sectors: whole number, default 8
     teeth: whole number, default 20
     module: number > 0 [length], default 0.002
-    pressure_angle: number > 0, default 0.3490658503988659
+    pressure_angle: number > 0 [angle], default 0.3490658503988659
     backlash: number [length], default 0
     tip_relief: number [length], default 0
     divisions: list of three numbers
@@ -234,8 +234,8 @@ class NodesFile(TypedDict, total=False):
 
 class Bore(TypedDict, total=False):
     """Outer faces on a cylinder.
-    point: list of three numbers [length]. rigid: from the centre of mass in body axes; ground: global; face: what the
-        mean is to be (below)
+    point: list of three numbers [length]. rigid: from the centre of mass in body axes; ground: global; face: where
+        the frame is to be instead of the mean of the face's nodes (below)
     axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body (mesh)
         axes
     radius: number > 0 [length]
@@ -248,25 +248,27 @@ class Bore(TypedDict, total=False):
     length: Number
 
 
-Frame = TypedDict("Frame", {"same_as": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str, "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
+Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str | Items[Whole], "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
 """A marker in line.
     same_as: text. another marker's name, instead of all the rest
+    name: text
     body: text. a body's name, or ground
     global: true or false, default false. point and axes are global, in the initial state
     point: list of three numbers [length], default [0, 0, 0]. rigid: from the centre of mass in body axes; ground:
-        global; face: what the mean is to be (below)
+        global; face: where the frame is to be instead of the mean of the face's nodes (below)
     axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body (mesh)
         axes
     x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
-    rotation: rotation. of the axes, instead of axis
+    rotation: rotation [angle]. of the axes, instead of axis
     attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint. rigid:
         all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and rotation are
         held, and the face may bend and warp
-    node: whole number, default 0. flexible: node by its label in the mesh file; beams, cables, shells: counted from
-        1, -1 the last
+    node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells: counted
+        from 1, -1 the last
     near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
     face: text. solids: a face set, held as attach says
-    nodes: text. flexible: mean of a node set
+    nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a list of
+        labels as of node: [31, 90]. The frame is at their mean
     edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
         (where s or t is 0 or 1), or ["x0", "y1"], a corner
     radius: number > 0 [length]
@@ -278,9 +280,9 @@ Frame = TypedDict("Frame", {"same_as": str, "body": str, "global": bool, "point"
 
 class Displacements(TypedDict, total=False):
     """Of a support: numbers or functions of time.
-    x: function of time
-    y: function of time
-    z: function of time
+    x: function of time [length]
+    y: function of time [length]
+    z: function of time [length]
     """
 
     x: Number
@@ -290,12 +292,14 @@ class Displacements(TypedDict, total=False):
 
 class Limits(TypedDict, total=False):
     """Of the coordinate of a joint.
-    lower: number [length or radians]. one or both
-    upper: number [length or radians]. one or both
-    stiffness: number > 0 [force/length or force length]. elastic force N(p) of a penetration p: p^2 k / (2 e) up to
-        e, then k (p - e/2)
-    smoothing: number > 0. elastic force N(p) of a penetration p: p^2 k / (2 e) up to e, then k (p - e/2)
-    damping: number, default 0. a: the force is N(p) (1 + a p'), never pulling (Hunt and Crossley 1975)
+    lower: number [angle or length]. one or both
+    upper: number [angle or length]. one or both
+    stiffness: number > 0 [force length/angle or force/length]. elastic force N(p) of a penetration p: p^2 k / (2 e)
+        up to e, then k (p - e/2)
+    smoothing: number > 0 [angle or length]. elastic force N(p) of a penetration p: p^2 k / (2 e) up to e, then k (p -
+        e/2)
+    damping: number [time/angle or time/length], default 0. a: the force is N(p) (1 + a p'), never pulling (Hunt and
+        Crossley 1975)
     """
 
     lower: Number
@@ -313,11 +317,12 @@ class Friction(TypedDict, total=False):
     stribeck_speed: number > 0 [length/time]. where static has fallen off
     preload: number >= 0 [force], default 0. a force that presses always
     radius: number > 0 [length], default 1. of the pin
-    bending_arm: number > 0. lever arms
-    torsion_arm: number > 0. lever arms
-    collar_radius: number >= 0, default 0. lever arms
-    viscous: number >= 0, default 0. force per speed, moment per angular speed
-    angular_viscous: number >= 0, default 0. force per speed, moment per angular speed
+    bending_arm: number > 0 [length]. lever arms
+    torsion_arm: number > 0 [length]. lever arms
+    collar_radius: number >= 0 [length], default 0. lever arms
+    viscous: number >= 0 [force length time/angle or force time/length], default 0. force per speed, moment per
+        angular speed
+    angular_viscous: number >= 0 [force length time/angle], default 0. force per speed, moment per angular speed
     """
 
     coefficient: Number
@@ -337,7 +342,7 @@ class SteadyRotation(TypedDict, total=False):
     """Of the whole model at the start.
     axis: list of three numbers
     point: list of three numbers [length], default [0, 0, 0]
-    speed: number [radians/time]
+    speed: number [angle/time]
     bodies: list of texts
     """
 
@@ -349,20 +354,20 @@ class SteadyRotation(TypedDict, total=False):
 
 class Integrator(TypedDict, total=False):
     """A run over time.
-    start: number [time], default 0. times
+    start: number, default 0. times
     steps: whole number, default 0. the run ends after so many accepted steps, if end has not come before
-    end: number [time]. times
+    end: number. times
     method: one of bdf, generalized-alpha, default bdf. bdf: BDF on the over-determined equations
-    relative: number > 0, default 1e-6. tolerances of q (and v) per step
-    absolute: number > 0, default 1e-8. tolerances of q (and v) per step
-    absolute_velocity: number > 0. tolerances of q (and v) per step
+    relative: number > 0, default 1e-6. largest error of one step: of a position or angle q, relative |q| + absolute
+    absolute: number > 0, default 1e-8. largest error of one step: of a position or angle q, relative |q| + absolute
+    absolute_velocity: number > 0. largest error of one step: of a position or angle q, relative |q| + absolute
     test_velocity: true or false, default true. v takes part in the error test
     max_order: whole number, default 5. 1 to 5
     order: whole number, default 0. constant step (no error test), constant order
-    initial_step: number > 0 [time]
-    max_step: number > 0 [time], default any
-    min_step: number > 0 [time]
-    step: number > 0 [time]. constant step (no error test), constant order
+    initial_step: number > 0
+    max_step: number > 0, default any
+    min_step: number > 0
+    step: number > 0. constant step (no error test), constant order
     constraint_tolerance: number > 0, default 1e-10. of the positions
     max_newton: whole number, default 12. iterations
     newton_tolerance: number > 0, default 0.01. iterations
@@ -404,8 +409,7 @@ class Integrator(TypedDict, total=False):
 
 class Statics(TypedDict, total=False):
     """An equilibrium.
-    time: number [time], default 0. at which functions of time are taken (as part of [initial]: the start of the
-        motion)
+    time: number, default 0. at which functions of time are taken (as part of [initial]: the start of the motion)
     linear: true or false, default false. true: small displacements, below
     load: number, default 1. load factor at the end
     tolerance: number > 0, default 1e-9. of what is out of balance, sqrt(sum r^2 / m), relative to the largest of
@@ -441,7 +445,7 @@ class Initial(TypedDict, total=False):
     statics: true or false, default false. true: begin at rest in static equilibrium
     velocities: one of exact, project, default exact. exact: velocities that stand in the text stay as they are, all
         others follow from the joints, and a notice says which
-    position_tolerance: number > 0 [length], default any. largest change of the given positions that joints may need
+    position_tolerance: number > 0, default any. largest change of the given positions that joints may need
     velocity_tolerance: number > 0, default 1e-3. for that, relative to the largest
     modes: whole number, default 0. report so many natural frequencies of the linearised system, of any size, about
         rest or a steady motion, and write their shapes (modes.vtkhdf of --out): modes.md
@@ -457,9 +461,9 @@ class Initial(TypedDict, total=False):
 
 HarmonicKeys = TypedDict("HarmonicKeys", {"frequencies": Numbers, "from": Number, "to": Number, "points": Whole, "logarithmic": bool, "tolerance": Number, "max_solves": Whole, "loss_factor": Number, "quantities": Texts, "shapes": Numbers, "phases": Whole, "loads": Texts | Mapping[str, Any]}, total=False)
 """A frequency response.
-    frequencies: list of numbers [1/time]. a list, rising, instead of these four
-    from: number [1/time]. lowest and highest frequency, in cycles per unit of time
-    to: number > 0 [1/time]. lowest and highest frequency, in cycles per unit of time
+    frequencies: list of numbers. a list, rising, instead of these four
+    from: number. lowest and highest frequency, in cycles per unit of time
+    to: number > 0. lowest and highest frequency, in cycles per unit of time
     points: whole number. so many frequencies, at equal steps or (true) ratios
     logarithmic: true or false, default false. so many frequencies, at equal steps or (true) ratios
     tolerance: number, default 0. above 0 (1e-8 to 0.1): solve at chosen frequencies alone, and interpolate with about
@@ -477,9 +481,9 @@ class Output(TypedDict, total=False):
     quantities: list of texts. columns of quantities.csv, and values in the summary
     envelopes: list of texts. quantities whose extremes over the run, with time and place, are in the summary
         (stresses.md)
-    csv_interval: time, 0 or false [time], default 0. 0: every step; false: none
-    vtu_interval: time, 0 or false [time], default false. of pictures, in either format: evenly spaced frames,
-        whatever the steps, by cubic interpolation of places and velocities within the step; 0: every step
+    csv_interval: time, 0 or false, default 0. 0: every step; false: none
+    vtu_interval: time, 0 or false, default false. of pictures, in either format: evenly spaced frames, whatever the
+        steps, by cubic interpolation of places and velocities within the step; 0: every step
     format: one of vtkhdf, vtu, default vtkhdf. of pictures: "vtkhdf", one file results.vtkhdf with the quantities in
         it, or "vtu", a series of files that motion.pvd lists
     restart_interval: time, 0 or false, default false. of state.restart (also at the end, on Ctrl-C, SIGTERM or
@@ -524,9 +528,9 @@ class Parts:
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         """
     @overload
     def body(
@@ -551,9 +555,9 @@ class Parts:
 
         gravity: list of three numbers [length/time^2]
         position: list of three numbers [length], default [0, 0, 0]
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
@@ -576,9 +580,9 @@ class Parts:
 
         gravity: list of three numbers [length/time^2]
         position: list of three numbers [length], default [0, 0, 0]
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
@@ -607,9 +611,9 @@ class Parts:
 
         gravity: list of three numbers [length/time^2]
         position: list of three numbers [length], default [0, 0, 0]
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
@@ -621,8 +625,8 @@ class Parts:
             arc, a helix, a twisted straight beam
         length: number > 0 [length]. constant curvature in radians per length, about the axes of the section: an arc,
             a helix, a twisted straight beam
-        curvature: list of three numbers [1/length]. constant curvature in radians per length, about the axes of the
-            section: an arc, a helix, a twisted straight beam
+        curvature: list of three numbers [angle/length or 1/length]. constant curvature in radians per length, about
+            the axes of the section: an arc, a helix, a twisted straight beam
         elements: whole number, default 10
         y: list of three numbers
         radius: number > 0 [length]
@@ -652,17 +656,17 @@ class Parts:
 
         gravity: list of three numbers [length/time^2]
         position: list of three numbers [length], default [0, 0, 0]
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
         origin: list of three numbers [length], default [0, 0, 0]
-        x: list of three numbers, needed
-        y: list of three numbers, needed
-        curvature: number [1/length], default 0
+        x: list of three numbers [length], needed
+        y: list of three numbers [length], needed
+        curvature: number [1/length or angle/length], default 0
         nx: whole number, default 4
         ny: whole number, default 4
         thickness: number > 0 [length], needed
@@ -679,9 +683,9 @@ class Parts:
 
         gravity: list of three numbers [length/time^2]
         position: list of three numbers [length], default [0, 0, 0]
-        rotation: rotation
+        rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [1/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
@@ -704,7 +708,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -727,7 +731,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -751,7 +755,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -773,7 +777,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -796,7 +800,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -822,7 +826,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -846,7 +850,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -868,7 +872,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -890,7 +894,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -913,7 +917,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -937,7 +941,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -946,7 +950,7 @@ class Parts:
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
             rotation are held, and the face may bend and warp
         active: true or false, default true
-        motion: function of time [radians], needed
+        motion: function of time [angle], needed
         from: one of zero, initial, default zero
         """
     @overload
@@ -962,7 +966,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -987,7 +991,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1013,7 +1017,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1038,7 +1042,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1097,7 +1101,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1121,7 +1125,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1145,14 +1149,14 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
         active: true or false, default true
-        stiffness: number [force length], default 0
-        damping: number [force length time], default 0
-        rest: number, or "initial" [radians]
+        stiffness: number [force length/angle], default 0
+        damping: number [force length time/angle], default 0
+        rest: number, or "initial" [angle]
         preload: number [force length], default 0
         actuator: expression [force length]. added to stiffness and damping
         """
@@ -1169,15 +1173,15 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
         active: true or false, default true
         stiffness: list of three numbers [force/length], default [0, 0, 0]
         damping: list of three numbers [force time/length], default [0, 0, 0]
-        angular_stiffness: list of three numbers [force length], default [0, 0, 0]
-        angular_damping: list of three numbers [force length time], default [0, 0, 0]
+        angular_stiffness: list of three numbers [force length/angle], default [0, 0, 0]
+        angular_damping: list of three numbers [force length time/angle], default [0, 0, 0]
         """
     @overload
     def force(
@@ -1218,7 +1222,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1230,9 +1234,9 @@ class Parts:
         smoothing: number > 0 [length], needed
         both_sides: true or false, default false
         start: list of three numbers [length], default [0, 0, 0]
-        direction: number [radians], default 0
+        direction: number [angle], default 0
         lengths: list of numbers [length], needed
-        curvatures: list of numbers [1/length], needed
+        curvatures: list of numbers [1/length or angle/length], needed
         """
     @overload
     def force(
@@ -1246,7 +1250,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1265,7 +1269,7 @@ class Parts:
         b: a marker's name or a table
         bodies: list of texts
         at: list of three numbers [length]
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
@@ -1273,18 +1277,19 @@ class Parts:
         force: number or expression [force], needed. each component a number or an expression
         """
     def support(
-        self, name: str, /, *, body: str, node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str = ...,
-        edge: Texts = ..., radius: Number = ..., bore: Bore = ..., hold: Texts = ..., symmetry: str | Vector = ...,
-        rotation: Vector | Rotation = ..., motion: Displacements = ...
+        self, name: str, /, *, body: str, node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str |
+        Items[Whole] = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., hold: Texts = ..., symmetry:
+        str | Vector = ..., rotation: Vector | Rotation = ..., motion: Displacements = ...
     ) -> str:
         """Adds [supports.NAME], and returns the name.
 
         body: text, needed. which nodes, as of a marker
-        node: whole number, default 0. flexible: node by its label in the mesh file; beams, cables, shells: counted
-            from 1, -1 the last
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
         face: text. solids: a face set, held as attach says
-        nodes: text. flexible: mean of a node set
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1294,7 +1299,7 @@ class Parts:
             "x", "yz", ["x", "z"]
         symmetry: one of x, y, z. normal of a plane of symmetry, "x" or [1, 1, 0]: nodes stay in the plane, directors
             and slopes stay mirrored
-        rotation: rotation. of the directions x, y, z, which are global ones, as of a body
+        rotation: rotation [angle]. of the directions x, y, z, which are global ones, as of a body
         motion: {x, y, z}. { z = 1e-3 } or { z = "1e-3*sin(10*t)", x = "table(t)" }: displacements from the start,
             numbers or functions of time (also [splines])
         """
@@ -1309,7 +1314,7 @@ class Parts:
         point: list of three numbers [length], default [0, 0, 0]. of the shape's origin: from the centre of mass, in
             body axes (ground: global)
         normal: list of three numbers. of a plane, instead of rotation: out of the half space
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(
@@ -1336,7 +1341,7 @@ class Parts:
         length: number > 0 [length], needed. of the axis: a capsule's has a half ball beyond each end, a cylinder's
             ends are flat
         axis: list of three numbers. of a capsule, cylinder or sprocket, instead of rotation
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(
@@ -1352,7 +1357,7 @@ class Parts:
         length: number > 0 [length], needed. of the axis: a capsule's has a half ball beyond each end, a cylinder's
             ends are flat
         axis: list of three numbers. of a capsule, cylinder or sprocket, instead of rotation
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(
@@ -1365,7 +1370,7 @@ class Parts:
         point: list of three numbers [length], default [0, 0, 0]. of the shape's origin: from the centre of mass, in
             body axes (ground: global)
         size: list of three numbers [length], needed. of a box: three edge lengths
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(
@@ -1379,8 +1384,8 @@ class Parts:
             body axes (ground: global)
         file: text, needed. of a mesh: .stl (text or binary), .obj, or a mesh file as for solids, of which the outer
             faces count; .gz too
-        scale: number > 0 [length], default 1. factor on the coordinates of the file
-        rotation: rotation. of the shape's axes in those of the body
+        scale: number > 0, default 1. factor on the coordinates of the file
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(self, name: str, /, shape: Literal["faces"], *, body: str, set: str = ...) -> str:
@@ -1416,7 +1421,7 @@ class Parts:
             chain, radius of its rollers, width along the axis, height of the tips over the pitch circle in roller
             diameters
         axis: list of three numbers. of a capsule, cylinder or sprocket, instead of rotation
-        rotation: rotation. of the shape's axes in those of the body
+        rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
     def surface(
@@ -1439,27 +1444,31 @@ class Parts:
 
         active: true or false, default true. at the start
         surfaces: list of texts, needed. names of surfaces; * stands for any letters: ["ball*", "floor"]
-        against: list of texts. more of them: only those of surfaces touch only these
+        against: list of texts. names of a second group: each surface of surfaces may touch each of against, and no
+            others
         self: true or false, default false. faces and sides of shells among surfaces touch themselves, too
-        margin: number > 0 [length]. of the search: pairs that come that near are looked at
+        margin: number > 0 [length]. of the search: pairs of surfaces that are nearer than this are looked at
         overlap: number >= 0 [length]. how far surfaces may overlap at the start
-        penetration: number > 0 [length]. of solids: at most so much, by augmented Lagrangian
+        penetration: number > 0 [length]. of solids: the largest penetration that is allowed, kept by an augmented
+            Lagrangian
         law: one of penalty, impulse, default penalty. penalty: forces; impulse: impacts that take no time, of rigid
             shapes
-        stiffness: number > 0 [force/length], needed. k: force over penetration^e
+        stiffness: number > 0 [force/length^e or force/length^2/length^e or force/length/length^e], needed. k: force
+            over penetration^e
         exponent: number > 0, default 1. e: 1, or 1.5 for spheres (Hertz)
         smoothing: number >= 0 [length]. with the exponent 1: penetration over which the stiffness builds up
-        damping: number >= 0 [force time/length]. a of Hunt and Crossley: forces are multiplied by 1 + a times the
-            speed of penetration
+        damping: number >= 0 [time/length]. a of Hunt and Crossley: forces are multiplied by 1 + a times the speed of
+            penetration
         restitution: number >= 0. of rigid shapes, instead of damping: what meets with v parts with this part of v, at
             any v; above 0, with impulse from 0 on
         friction: number >= 0. Coulomb's coefficient, of what slides
         static: number >= 0. of what rests: at the slip speed s the coefficient is friction + (static - friction)
             exp(-(s / stribeck_speed)^2)
         stribeck_speed: number > 0 [length/time]. where static has fallen off
-        tangential_stiffness: number > 0 [force/length]. of the spring that holds until it slips: force (solids:
-            stress) over length
-        tangential_damping: number >= 0 [force time/length]. of a damper beside it
+        tangential_stiffness: number > 0 [force/length or force/length^3 or force/length^2]. of the spring that holds
+            until it slips: force (solids: stress) over length
+        tangential_damping: number >= 0 [force time/length or force time/length^3 or force time/length^2]. of a damper
+            beside it
         """
     def material(
         self, name: str, /, *, young: Number, law: Literal["st-venant-kirchhoff", "neo-hookean"] = ..., poisson:
@@ -1475,8 +1484,8 @@ class Parts:
     def marker(
         self, name: str, /, *, same_as: str = ..., body: str = ..., global_: bool = ..., point: Vector = ..., axis:
         Vector = ..., x_axis: Vector = ..., rotation: Vector | Rotation = ..., attach: Literal["mean", "rigid"] = ...,
-        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str = ..., edge: Texts = ..., radius: Number =
-        ..., bore: Bore = ..., most_nodes: Whole = ...
+        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., edge: Texts = ...,
+        radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
     ) -> str:
         """Adds [markers.NAME], and returns the name.
 
@@ -1484,19 +1493,20 @@ class Parts:
         body: text. a body's name, or ground
         global: true or false, default false. point and axes are global, in the initial state
         point: list of three numbers [length], default [0, 0, 0]. rigid: from the centre of mass in body axes; ground:
-            global; face: what the mean is to be (below)
+            global; face: where the frame is to be instead of the mean of the face's nodes (below)
         axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
             (mesh) axes
         x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
-        rotation: rotation. of the axes, instead of axis
+        rotation: rotation [angle]. of the axes, instead of axis
         attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
             rotation are held, and the face may bend and warp
-        node: whole number, default 0. flexible: node by its label in the mesh file; beams, cables, shells: counted
-            from 1, -1 the last
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
         face: text. solids: a face set, held as attach says
-        nodes: text. flexible: mean of a node set
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1517,7 +1527,7 @@ class Parts:
             slopes, quiet at corners; monotone (Fritsch and Butland): continuous slopes, never beyond its points;
             cubic: natural spline, continuous second derivatives (motions want them)
         outside: one of constant, linear, error, default error. of the points: constant, linear, error
-        points: list of points [length]. [[x, y], ...] instead of a file
+        points: list of points. [[x, y], ...] instead of a file
         file: text. a CSV file and its columns. # begins a comment
         x_scale: number, default 1. factors on the columns
         y_scale: number, default 1. factors on the columns
@@ -1535,10 +1545,10 @@ class Parts:
         contact: text. instead of a comparison: the name of a contact, with when = "closes" or "opens"
         stop: true or false, default false. the run ends here, with status ok
         once: true or false, default false. only the first time
-        on: list of texts. names of joints and forces to be switched. active = false in a joint or force: off at the
-            start
-        off: list of texts. names of joints and forces to be switched. active = false in a joint or force: off at the
-            start
+        on: list of texts. names of joints and forces that are switched on or off. active = false in a joint or force:
+            off at the start
+        off: list of texts. names of joints and forces that are switched on or off. active = false in a joint or
+            force: off at the start
         tolerance: number > 0 [time]. of the time
         position_tolerance: number > 0 [length]. joints that are switched on must fit: largest change of positions
             that they may need

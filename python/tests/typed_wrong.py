@@ -5,7 +5,7 @@ model = esp.Model(integrator={"ende": 1.0})  # wrong: Integrator
 model.body("bob", mas=1)  # wrong: did you mean "mass"?
 model.body("bob", mass=[1, 2])  # wrong: No overload
 model.body("bob", mass=1, bx=[1, 1, 1])  # wrong: did you mean "box"?
-model.body("bob", mass=1, position="here")  # wrong: No overload
+model.body("bob", mass=1, position=3)  # wrong: No overload
 model.body("bob", "rgid", mass=1)  # wrong: No overload
 model.body("bob", "point", mass=1, box=[1, 1, 1])  # wrong: No overload
 model.body("s", "solid", mesh={"fil": "x"})  # wrong: No overload

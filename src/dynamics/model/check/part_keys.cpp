@@ -5,9 +5,9 @@
 namespace espalier::dynamics::model {
 
 std::span<const PartKeys> all_part_keys() {
-  static constexpr PartKeys kRows[] = {
+  static constexpr PartKeys kPartKeys[] = {
       {"", "",
-       "title gravity markers statics integrator initial harmonic output solver bodies joints forces "
+       "title units gravity markers statics integrator initial harmonic output solver bodies joints forces "
        "materials surfaces contacts inputs sensors events splines supports parameters repeat"},
       {"integrator", "",
        "start steps end method relative absolute absolute_velocity test_velocity max_order order "
@@ -131,7 +131,7 @@ std::span<const PartKeys> all_part_keys() {
       {"paths", "",
        "body through points quantities"},
   };
-  return kRows;
+  return kPartKeys;
 }
 
 }  // namespace espalier::dynamics::model
