@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from ._simulation import Model
+    from . import Model
 
 __all__ = ["load", "names", "path"]
 
@@ -44,5 +44,5 @@ def load(name: str) -> "Model":
     Raises:
         ValueError: there is no example of this name.
     """
-    from ._simulation import Model
+    from . import Model
     return Model.load(path(name))

@@ -21,7 +21,7 @@ def matrix() -> "dict[str, float]":
     columns = np.concatenate([[c for c in (row - 1, row, row + 1) if 0 <= c < n] for row in range(n)])
     rows = np.repeat(np.arange(n), np.diff(indptr))
     x = esp.solve((indptr, columns, np.where(columns == rows, 2.0, -1.0)), np.ones(n))
-    return {"largest unknown": float(x.max())}
+    return {"largest unknown": float(np.max(x))}
 
 
 def pendulum() -> "dict[str, float]":
@@ -36,7 +36,7 @@ def pendulum() -> "dict[str, float]":
 
 
 def bracket() -> "dict[str, float]":
-    values = esp.Model.load(folder / "bracket.toml").run().summary["values"]
+    values: "dict[str, float]" = esp.Model.load(folder / "bracket.toml").run().summary["values"]
     return {"stress in the fillet": values["bracket[nodes FILLET].stress.principal_1.max"], "force on the clamp": values["clamp.force.y"]}
 
 

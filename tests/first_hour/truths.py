@@ -4,18 +4,19 @@ Whoever solves them (first_hour.py by the command line, in_python.py by the pack
 check() with the numbers found."""
 
 import math
+from typing import Any, Mapping
 
 MATRIX_ROWS = 1000
 G = 9.81
 
 
-def _matrix():
+def _matrix() -> "dict[str, tuple[float, float]]":
     """-1, 2, -1 on the diagonals and a right-hand side of ones: x_i = i (n + 1 - i) / 2."""
     half = MATRIX_ROWS // 2
     return {"largest unknown": (half * (MATRIX_ROWS + 1 - half) / 2, 1e-12)}
 
 
-def _pendulum():
+def _pendulum() -> "dict[str, tuple[float, float]]":
     """A bar of length L, let go from the horizontal. It reaches the lowest point after K(sin 45) / sqrt(3 g / 2 L), K the
     complete elliptic integral; its tip has the speed sqrt(3 g L) there, and the hinge bears 5/2 of the weight. That it
     bends (first frequency 37 Hz, it swings with 0.5 Hz) changes these by less than a thousandth."""
@@ -28,7 +29,7 @@ def _pendulum():
             "force in the hinge": (2.5 * weight, 1e-2)}
 
 
-def _bracket():
+def _bracket() -> "dict[str, tuple[float, float]]":
     """The ring between the legs is a curved bar of inner radius a and outer radius b, width w. In its middle section acts
     the force F = 100 N as if through the ring's centre, and its moment M = 24 mm F about that. Both have closed forms
     (Golovin; Timoshenko and Goodier, Theory of Elasticity, 29 and 33), exact but for the ends of the ring, which are
@@ -41,13 +42,13 @@ def _bracket():
             "force on the clamp": (-force, 1e-9)}
 
 
-def _plate():
+def _plate() -> "dict[str, tuple[float, float]]":
     """f = pi / 2 (m^2 + n^2) sqrt(D / (rho h)) / a^2 for (m, n) = (1, 1), (1, 2), (2, 1), (2, 2); D = E h^3 / 12 (1 - nu^2)."""
     root = math.sqrt(210e9 * 0.005**3 / 12 / (1 - 0.3**2) / (7850 * 0.005))
     return {f"frequency {k}": (math.pi / 2 * sum_of_squares * root, 1e-2) for k, sum_of_squares in enumerate((2, 5, 5, 8), 1)}
 
 
-def _casadi():
+def _casadi() -> "dict[str, tuple[float, float]]":
     """The optimum that Hock and Schittkowski give for their problem 71."""
     return {"objective": (17.0140173, 1e-7)}
 
@@ -55,7 +56,7 @@ def _casadi():
 TRUTHS = {"matrix": _matrix(), "pendulum": _pendulum(), "bracket": _bracket(), "plate": _plate(), "casadi": _casadi()}
 
 
-def lowest_point(times, x, speed, force):
+def lowest_point(times: Any, x: Any, speed: Any, force: Any) -> "dict[str, float]":
     """Of a run of pendulum.toml: where the tip first passes x = 0, between two steps."""
     for k in range(1, len(times)):
         if x[k - 1] > 0 >= x[k]:
@@ -65,7 +66,7 @@ def lowest_point(times, x, speed, force):
     raise AssertionError("the pendulum has not come to its lowest point")
 
 
-def check(problem, found, seconds, by):
+def check(problem: str, found: "Mapping[str, float]", seconds: float, by: str) -> bool:
     """Prints the numbers beside their truths. Returns whether all of them are there and right."""
     right = True
     for name, (truth, tolerance) in TRUTHS[problem].items():

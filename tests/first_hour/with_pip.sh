@@ -1,7 +1,7 @@
 #!/bin/bash
 # The first hour of somebody who uses pip: a fresh environment, the package, CasADi, and the problems of this folder.
 #   tests/first_hour/with_pip.sh [what pip installs]     default: ./python; or a wheel
-# PYTHON: with which the environment is made (default python3). Needs PyPI, for NumPy and CasADi.
+# PYTHON: with which the environment is made (default python3). Needs PyPI, for NumPy, CasADi and mypy.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 what=${1:-./python}
@@ -9,12 +9,13 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 begin=$(date +%s)
 "${PYTHON:-python3}" -m venv "$folder/env"
-if ! "$folder/env/bin/pip" --disable-pip-version-check install --quiet "$what" casadi >"$folder/log" 2>&1; then
+if ! "$folder/env/bin/pip" --disable-pip-version-check install --quiet "$what" casadi mypy >"$folder/log" 2>&1; then
   tail -30 "$folder/log"
   "$folder/env/bin/pip" --disable-pip-version-check download --quiet --no-deps --dest "$folder" casadi >/dev/null 2>&1 ||
-    echo "PyPI cannot be reached from here: these checks need NumPy and CasADi from there"
+    echo "PyPI cannot be reached from here: these checks need NumPy, CasADi and mypy from there"
   exit 1
 fi
-echo "pip install $what casadi: $(($(date +%s) - begin)) s"
+echo "pip install $what casadi mypy: $(($(date +%s) - begin)) s"
 "$folder/env/bin/espalier" info | sed -nE 's/^ +(package .*)/\1/p'
+"$folder/env/bin/mypy" --strict --cache-dir "$folder/mypy" tests/first_hour/in_python.py
 "$folder/env/bin/python" -B tests/first_hour/first_hour.py --command "$folder/env/bin/espalier" --python "$folder/env/bin/python"
