@@ -24,7 +24,10 @@ const Scope& scope_of(const Value& value) {
 }  // namespace
 
 Section::Section(const Value& table) : table_(&table) {
-  if (!table.is_table()) wrong_type(table, "a table");
+  const std::string& path = table.place.path;
+  if (!table.is_table())
+    wrong_type(table, path.find('.') == std::string::npos && !path.empty() ? fmt::format("a section, [{}]", path)
+                                                                           : "a table, { key = value }");
 }
 
 const Place& Section::place(std::string_view key) const {
