@@ -7,6 +7,7 @@ from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
 from ._harmonic import Harmonic, ModelHarmonic, harmonic
+from ._meshio import from_meshio
 from ._model import Model
 from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
 from ._pictures import Cells, Frame
@@ -21,5 +22,5 @@ from . import examples as examples
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",
-           "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
+           "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "from_meshio", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
            "sweep"]

@@ -109,6 +109,11 @@ TEST(ElementNotices, LinearElementsThatLockInBending) {
   const std::string full = "hex8 = \"full\"";
   EXPECT_NE(notices_of(Grid({10, 1, 1}, box(10, 1, 1)).text("C3D8"), full).find(says), std::string::npos);
   EXPECT_NE(notices_of(Grid({12, 2, 1}, arc(0.05)).text("C3D8"), full).find(says), std::string::npos);
+  EXPECT_NE(
+      notices_of(Grid({10, 1, 1}, box(10, 1, 1)).text("C3D8"), "hex8 = \"mean-dilatation\"").find("mean-dilatation"),
+      std::string::npos);
+  EXPECT_NE(notices_of(Grid({10, 1, 1}, box(10, 1, 1)).text("C3D8"), full + "\nreduce = { modes = 2 }").find(says),
+            std::string::npos);
   // Enhanced ones, blocks, and bars with many elements through the thickness.
   EXPECT_EQ(notices_of(Grid({10, 1, 1}, box(10, 1, 1)).text("C3D8"), ""), "");
   EXPECT_EQ(notices_of(Grid({3, 3, 3}, box(1, 1, 1)).text("C3D8"), full), "");

@@ -218,6 +218,17 @@ TEST_F(MeshAbaqus, InstancesAreNamed) {
             0);
 }
 
+// As Abaqus and CalculiX take them: members that are not defined are left out, and surfaces of edges are none.
+TEST_F(MeshAbaqus, MembersThatAreNotDefined) {
+  const Mesh mesh =
+      read_mesh(write("gaps.inp", cube("*NSET, NSET=GAPS, GENERATE\n7,22\n*ELEMENT, TYPE=CPS4, ELSET=FLAT\n"
+                                       "5,1,2,3,4\n*SURFACE, NAME=EDGE\n5, S4\n")));
+  EXPECT_EQ(mesh.node_set("GAPS"), (std::vector<Index>{6, 7, 8, 9}));
+  EXPECT_FALSE(mesh.face_sets.contains("EDGE"));
+  ASSERT_EQ(mesh.notices.size(), 1U);
+  EXPECT_NE(mesh.notices[0].find("left out: 12, the first is node 9 in line 23"), std::string::npos) << mesh.notices[0];
+}
+
 // A deck where a model is needed: what to do, not what the other language would have said.
 TEST_F(MeshAbaqus, ADeckIsNoModel) {
   const std::string path = write("part.inp", cube(""));

@@ -121,7 +121,11 @@ TriangleSurface read_surface(const std::string& path, double scale) {
   Soup soup;
   if (ends(".stl")) {
     const std::string text = read_whole_file(path);
-    soup = is_binary_stl(text) ? parse_binary_stl(text) : parse_text_stl(text, path);
+    const bool binary = is_binary_stl(text);
+    if (!binary && !lower(trim(std::string_view(text).substr(0, 80))).starts_with("solid"))
+      fail_file(path,
+                "is no STL: it neither begins with 'solid' nor has 84 bytes and 50 for each triangle it announces");
+    soup = binary ? parse_binary_stl(text) : parse_text_stl(text, path);
   } else if (ends(".obj")) {
     soup = parse_obj(read_whole_file(path), path);
   } else {

@@ -52,6 +52,9 @@ class Flattener {
   }
 
   void add_notices() {
+    if (undefined_ > 0)
+      mesh_.notices.push_back(fmt::format("{}: members of sets that are not defined are left out: {}, the first is {}",
+                                          model_.path, undefined_, first_undefined_));
     const auto note = [this](const char* what, const std::map<std::string, long>& counts) {
       std::vector<std::string> list;
       for (const auto& [name, count] : counts) list.push_back(fmt::format("{} ({})", name, count));
@@ -152,19 +155,25 @@ class Flattener {
     if (!found) fail(entry.line, fmt::format("{} set {} is not defined", kind, entry.name));
   }
 
-  /// The labels of one entry; of a range that goes beyond what is defined, the first that is not ends it.
+  /// The labels of one entry that are defined, as Abaqus and CalculiX take them.
   void resolve_labels(const InpMember& entry, const Labels& space, bool nodes, std::vector<Index>& out) const {
     for (std::int64_t label = entry.first;; label += entry.step) {
       const Index found = index_of(label, space, nodes);
-      if (found < 0 && (nodes || !was_passed_over(label, space)))
-        fail(entry.line, fmt::format("{} {} is not defined", nodes ? "node" : "element", label));
-      if (found >= 0) out.push_back(found);
+      if (found >= 0)
+        out.push_back(found);
+      else if (nodes || !was_passed_over(label, space))
+        note_undefined(entry, label, nodes);
       count_member(entry);
       // Without overflow, whatever the labels.
       if (static_cast<std::uint64_t>(entry.last) - static_cast<std::uint64_t>(label) <
           static_cast<std::uint64_t>(entry.step))
         return;
     }
+  }
+
+  void note_undefined(const InpMember& entry, std::int64_t label, bool nodes) const {
+    if (undefined_++ == 0)
+      first_undefined_ = fmt::format("{} {} in line {}", nodes ? "node" : "element", label, entry.line);
   }
 
   [[nodiscard]] bool was_passed_over(std::int64_t label, const Labels& space) const {
@@ -227,6 +236,7 @@ class Flattener {
       resolve(entry, space, false, 0, elements);
       for (const Index e : elements) {
         const auto count = shape_of(mesh_.type(e)).faces.size();
+        if (shape_of(mesh_.type(e)).dimension < 3) continue;  // edges and sides of surface elements
         if (static_cast<std::size_t>(entry.face) >= count)
           fail(entry.line, fmt::format("element {} ({}) has no face S{}", mesh_.element_label(e),
                                        shape_of(mesh_.type(e)).name, entry.face + 1));
@@ -253,7 +263,9 @@ class Flattener {
 
   const InpModel& model_;
   Mesh mesh_;
-  mutable std::size_t members_ = 0;      // of all sets
+  mutable std::size_t members_ = 0;    // of all sets
+  mutable std::size_t undefined_ = 0;  // members that do not exist
+  mutable std::string first_undefined_;
   std::map<std::string, Labels> space_;  // by upper-case instance or part; "": the file
   std::vector<std::string> order_;       // instances in order of the file
   std::map<std::string, std::string> node_names_, element_names_, surface_names_;

@@ -25,17 +25,19 @@ Eigen::Matrix3Xd places(std::span<const Index> nodes, const double* coordinates)
   return x;
 }
 
+const double* reference_of_mesh(const Mesh& mesh) { return mesh.nodes.data()->data(); }
+
 /// Whether walls or bars of the body are slender, and its elements so long beside their thickness that linear ones
 /// lock: of full hex8 a part of about 0.4 (length / thickness)^2 of the stiffness is false. The thickness is twice the
 /// volume over the surface; of bars half of it.
 bool bends_coarsely(const BuiltBody& body, double longest_edge) {
   constexpr double kSlender = 0.125, kCoarse = 0.5;
-  const auto reference = body.flexible->reference();
-  const Eigen::Map<const Eigen::Matrix3Xd> all(reference.data(), 3, static_cast<Eigen::Index>(reference.size() / 3));
+  const double* reference = reference_of_mesh(*body.mesh);
+  const Eigen::Map<const Eigen::Matrix3Xd> all(reference, 3, static_cast<Eigen::Index>(body.mesh->nodes.size()));
   double volume = 0, surface = 0;
   for (const MeshFace face : body.mesh->boundary_faces()) {
     const std::vector<Index> nodes = body.mesh->face_nodes(face);
-    const Eigen::Matrix3Xd x = places(nodes, reference.data());
+    const Eigen::Matrix3Xd x = places(nodes, reference);
     const Eigen::Index corners = nodes.size() % 4 == 0 ? 4 : 3;
     for (Eigen::Index k = 1; k + 1 < corners; ++k) {
       const Vec3 twice = Vec3(x.col(k) - x.col(0)).cross(Vec3(x.col(k + 1) - x.col(0)));
@@ -95,18 +97,20 @@ Compression compression_of(const Eigen::Matrix3Xd& reference, const Eigen::Matri
 
 std::optional<std::string> locking_notice(const BuiltBody& body) {
   const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
-  if (solid == nullptr || !body.mesh || body.flexible == nullptr) return std::nullopt;
+  if (solid == nullptr || !body.mesh || body.mesh->nodes.empty()) return std::nullopt;  // reduced ones lock as well
   bool tets = false, walls = false;
+  const Hex8Formulation hex8 = solid->options.hex8;
+  const bool shear_locks = hex8 == Hex8Formulation::full || hex8 == Hex8Formulation::mean_dilatation;
   double longest = 0, count = 0;  // edges of linear elements that lock
   for (const Index e : elements_of(*body.mesh, *solid)) {
     const ElementType type = body.mesh->type(e);
     const bool tet = type == ElementType::tet4, hex = type == ElementType::hex8;
     tets = tets || tet;
-    if (tet || (hex && solid->options.hex8 == Hex8Formulation::full)) {
-      longest += longest_edge(places(body.mesh->element(e), body.flexible->reference().data())) / std::sqrt(3.0);
+    if (tet || (hex && shear_locks)) {
+      longest += longest_edge(places(body.mesh->element(e), reference_of_mesh(*body.mesh))) / std::sqrt(3.0);
       ++count;
     } else if (type == ElementType::hex20 && !solid->options.reduced_hex20 && !walls) {
-      walls = is_curved_wall(places(body.mesh->element(e), body.flexible->reference().data()));
+      walls = is_curved_wall(places(body.mesh->element(e), reference_of_mesh(*body.mesh)));
     }
   }
   if (count > 0 && bends_coarsely(body, longest / count))
@@ -114,9 +118,9 @@ std::optional<std::string> locking_notice(const BuiltBody& body) {
                       "'{}' has tet4 elements, which lock: in bending they are far too stiff. Take tet10, or hexahedra",
                       body.spec.name)
                 : fmt::format(
-                      "'{}' has hex8 = \"full\", which locks: in bending such elements are far too stiff. hex8 = "
+                      "'{}' has hex8 = \"{}\", which locks: in bending such elements are far too stiff. hex8 = "
                       "\"enhanced\" bends exactly",
-                      body.spec.name);
+                      body.spec.name, hex8 == Hex8Formulation::full ? "full" : "mean-dilatation");
   if (walls)
     return fmt::format(
         "'{}' has hex20 elements that are thin and curved: with full integration they may be a third too stiff in "

@@ -9,8 +9,9 @@
 
 namespace espalier::dynamics::model {
 
-/// A solid whose elements are much too stiff in what its shape makes likely: tet4 and full hex8 in bending, with few
-/// elements through the thickness; full hex20 in thin curved walls.
+/// A solid, also a reduced one, whose elements are much too stiff in what its shape makes likely: tet4, and hex8 that
+/// are full or of mean dilatation, in bending, with few elements through the thickness; full hex20 in thin curved
+/// walls.
 [[nodiscard]] std::optional<std::string> locking_notice(const BuiltBody& body);
 
 /// A solid with enhanced strains whose hex8 are compressed so far that these may lose their stability (P. Wriggers,

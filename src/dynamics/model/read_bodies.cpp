@@ -7,6 +7,7 @@
 #include <numbers>
 #include <utility>
 
+#include "dynamics/contact/surface_inertia.hpp"
 #include "dynamics/model/body_demand.hpp"
 #include "dynamics/model/description.hpp"
 
@@ -128,7 +129,33 @@ class BodyReader {
     return p;
   }
 
-  static RigidSpec read_rigid(Section& s) {
+  /// A uniform solid inside a closed surface of a file; its centre of mass stands where the file puts it.
+  RigidSpec read_rigid_of_surface(Section& s) const {
+    for (const char* other : {"inertia", "box"})
+      if (s.has(other)) fail(s.place(other), "does not go with 'mesh', which gives the inertia and the shape");
+    if (s.has("mass") == s.has("density")) fail(s.place(), "needs one of 'mass' and 'density' beside 'mesh'");
+    auto mesh = s.table("mesh");
+    const std::string file = beside_model(mesh->text("file"));
+    const double scale = mesh->positive("scale", 1);
+    mesh->finish();
+    RigidSpec r;
+    const contact::SurfaceSolid solid = contact::solid_inside(contact::read_surface(file, scale), file);
+    r.data.mass = s.has("mass") ? s.positive("mass") : s.positive("density") * solid.volume;
+    r.data.inertia = r.data.mass / solid.volume * solid.inertia;
+    r.box = solid.extents;
+    r.data.position = s.vector("position", solid.centre);
+    read_rigid_motion(s, r);
+    return r;
+  }
+
+  static void read_rigid_motion(Section& s, RigidSpec& r) {
+    r.data.rotation = quaternion_of(s.rotation("rotation"));
+    r.data.velocity = s.vector("velocity", Vec3::Zero());
+    r.data.angular_velocity = s.vector("angular_velocity", Vec3::Zero());
+  }
+
+  RigidSpec read_rigid(Section& s) const {
+    if (s.has("mesh")) return read_rigid_of_surface(s);
     RigidSpec r;
     r.data.mass = s.positive("mass");
     if (s.has("box")) {
@@ -146,9 +173,7 @@ class BodyReader {
       fail(s.place("inertia"),
            "needs moments of inertia greater than 0; a body without extension still needs small ones");
     r.data.position = s.vector("position", Vec3::Zero());
-    r.data.rotation = quaternion_of(s.rotation("rotation"));
-    r.data.velocity = s.vector("velocity", Vec3::Zero());
-    r.data.angular_velocity = s.vector("angular_velocity", Vec3::Zero());
+    read_rigid_motion(s, r);
     return r;
   }
 
