@@ -21,20 +21,20 @@ class Parts:
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
-        rotation: rotation [angle]
+
+        type "point" (gravity, mass, position as above):
         velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
 
-        type "point" (gravity, mass, position, velocity as above)
-
-        type "solid" (gravity, rotation, velocity, angular_velocity as above):
+        type "solid" (gravity, velocity as above):
         position: list of three numbers [length], default [0, 0, 0]
+        rotation: rotation [angle]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
-        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: Gmsh .msh 2.2 and 4.1, Abaqus/CalculiX .inp, legacy
-            VTK .vtk, Nastran .bdf, .nas, .dat (below), also .gz
+        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: a mesh of Abaqus, Gmsh, Nastran, Ansys, VTK, MEDIT or
+            MFEM (below), also .gz
         element_set: text. only these elements of the mesh
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points

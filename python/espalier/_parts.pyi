@@ -517,8 +517,7 @@ class Parts:
     @overload
     def body(
         self, name: str, /, type: Literal["rigid"] = ..., *, mass: Number, gravity: Vector = ..., box: Vector = ...,
-        inertia: Numbers | Points = ..., position: Vector = ..., rotation: Vector | Rotation = ..., velocity: Vector =
-        ..., angular_velocity: Vector = ...
+        inertia: Numbers | Points = ..., position: Vector = ...
     ) -> str:
         """Adds [bodies.NAME], type "rigid", and returns the name.
 
@@ -528,9 +527,6 @@ class Parts:
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
-        rotation: rotation [angle]
-        velocity: list of three numbers [length/time], default [0, 0, 0]
-        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         """
     @overload
     def body(
@@ -562,8 +558,8 @@ class Parts:
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
-        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: Gmsh .msh 2.2 and 4.1, Abaqus/CalculiX .inp, legacy
-            VTK .vtk, Nastran .bdf, .nas, .dat (below), also .gz
+        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: a mesh of Abaqus, Gmsh, Nastran, Ansys, VTK, MEDIT or
+            MFEM (below), also .gz
         element_set: text. only these elements of the mesh
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
