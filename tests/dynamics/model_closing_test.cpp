@@ -11,7 +11,7 @@ namespace espalier::dynamics {
 namespace {
 
 /// A crank of length 1 about the origin and, from its end at (1, 0), a rod to the ground at (x, 0).
-std::string crank(const std::string& rod, const std::string& more = "[integrator]\nend = 1\n") {
+std::string swinging_crank(const std::string& rod, const std::string& more = "[integrator]\nend = 1\n") {
   return R"([bodies.crank]
 type = "rigid"
 mass = 1
@@ -26,7 +26,7 @@ axis = [0, 0, 1]
          more;
 }
 
-std::string failure(const std::string& text) {
+std::string failure_text(const std::string& text) {
   Simulation s;
   Status status = s.load_text(text, "model.toml");
   if (status.ok()) status = s.run();
@@ -41,7 +41,7 @@ double number_behind(const std::string& text, const std::string& words) {
   return at == std::string::npos ? std::nan("") : std::atof(text.c_str() + at + words.size());
 }
 
-std::string rod(double x, double length) {
+std::string link_rod(double x, double length) {
   return fmt::format(R"([joints.rod]
 type = "distance"
 a = {{ body = "ground", point = [{}, 0.1, 0] }}
@@ -56,7 +56,7 @@ TEST(ModelClosing, LengthsOutOfReach) {
   for (const double x : {2.0, 0.5, 7.0})
     for (const double length : {20.0, 0.01}) {
       const double d = std::hypot(x, 0.1), reach = length > d ? d + 1 : std::abs(d - 1);
-      const std::string text = failure(crank(rod(x, length)));
+      const std::string text = failure_text(swinging_crank(link_rod(x, length)));
       EXPECT_NE(text.find("joint 'rod': length"), std::string::npos) << text;
       EXPECT_NEAR(number_behind(text, "length "), length, 1e-6);
       EXPECT_NEAR(number_behind(text, "reaches "), reach, 2e-5 * reach) << text;
@@ -66,13 +66,13 @@ TEST(ModelClosing, LengthsOutOfReach) {
 }
 
 TEST(ModelClosing, UnitsAreThoseOfTheModel) {
-  const std::string text = failure("units = \"mm-t-s\"\n" + crank(rod(2, 20)));
+  const std::string text = failure_text("units = \"mm-t-s\"\n" + swinging_crank(link_rod(2, 20)));
   EXPECT_NE(text.find("length 20 mm is asked"), std::string::npos) << text;
 }
 
 /// A loop of four bars with lengths 1, a, b and the ground's g, all along x at the start: it closes where the longest
 /// is not longer than the others together.
-std::string four_bar(double ground) {
+std::string bars_in_a_row(double ground) {
   return fmt::format(R"([bodies.crank]
 type = "rigid"
 mass = 1
@@ -112,7 +112,7 @@ end = 1
 
 TEST(ModelClosing, FourBarsTooShort) {
   for (const double ground : {4.6, 6.0, 20.0}) {  // the others are 4.5 together
-    const std::string text = failure(four_bar(ground));
+    const std::string text = failure_text(bars_in_a_row(ground));
     EXPECT_NE(text.find("joint 'd' stays open by"), std::string::npos) << text;
     EXPECT_NEAR(number_behind(text, "stays open by "), ground - 4.5, 1e-3 * (ground - 4.5)) << text;
   }
@@ -130,7 +130,7 @@ motion = "3 + t"
 a = "ground"
 b = { body = "crank", point = [0.5, 0, 0] }
 )";
-  const std::string text = failure(crank(rail));
+  const std::string text = failure_text(swinging_crank(rail));
   EXPECT_NE(text.find("joint 'slide': a displacement of 3"), std::string::npos) << text;
   EXPECT_NEAR(number_behind(text, "reaches "), std::sqrt(0.75), 1e-4) << text;
 }
@@ -146,23 +146,23 @@ b = { body = "crank", point = [0.5, 0, 0] }
 )";
   for (const char* integrator :
        {"[integrator]\nend = 3\n", "[integrator]\nend = 3\nmethod = \"generalized-alpha\"\nstep = 0.01\n"}) {
-    const std::string text = failure(crank(slide, integrator));
+    const std::string text = failure_text(swinging_crank(slide, integrator));
     EXPECT_NE(text.find("cannot follow what leads it: joint 'slide'"), std::string::npos) << text;
     EXPECT_NEAR(number_behind(text, "from t = "), 1, 0.02) << text;
   }
 }
 
 TEST(ModelClosing, StaticsSayItToo) {
-  const std::string text = failure(crank(rod(2, 20), "[statics]\n"));
+  const std::string text = failure_text(swinging_crank(link_rod(2, 20), "[statics]\n"));
   EXPECT_NE(text.find("joint 'rod': length 20 is asked"), std::string::npos) << text;
 }
 
 /// Other failures keep their words.
 TEST(ModelClosing, MechanismsThatCloseAreNotBlamed) {
   const std::string text =
-      failure(crank("",
-                    "[integrator]\nend = 1\nmethod = \"generalized-alpha\"\nstep = 0.1\n"
-                    "[forces.x]\ntype = \"load\"\na = \"crank\"\nforce = [\"1/(t - 0.5)^2\", 0, 0]\n"));
+      failure_text(swinging_crank("",
+                                  "[integrator]\nend = 1\nmethod = \"generalized-alpha\"\nstep = 0.1\n"
+                                  "[forces.x]\ntype = \"load\"\na = \"crank\"\nforce = [\"1/(t - 0.5)^2\", 0, 0]\n"));
   EXPECT_EQ(text.find("cannot follow"), std::string::npos) << text;
   EXPECT_EQ(text.find("No positions"), std::string::npos) << text;
 }

@@ -17,30 +17,30 @@ namespace {
 using model::UnitSystem;
 using model::Value;
 
-double converted(const std::string& system, double value, const std::string& unit) {
+double in_units_of(const std::string& system, double value, const std::string& unit) {
   return UnitSystem(system).from(value, model::parse_unit(unit));
 }
 
 TEST(ModelUnits, FactorsAreThoseOfTheirDefinitions) {
-  EXPECT_EQ(converted("SI", 3, "mm"), 0.003);
-  EXPECT_EQ(converted("SI", 210, "GPa"), 210e9);
-  EXPECT_EQ(converted("mm-t-s", 210, "GPa"), 210e3);
-  EXPECT_EQ(converted("mm-t-s", 0.54, "kg"), 0.54 / 1000);
-  EXPECT_DOUBLE_EQ(converted("mm-t-s", 7850, "kg/m^3"), 7.85e-9);
-  EXPECT_DOUBLE_EQ(converted("mm-kg-ms", 1, "kN"), 1);
-  EXPECT_DOUBLE_EQ(converted("mm-kg-ms", 1, "GPa"), 1);
-  EXPECT_DOUBLE_EQ(converted("SI", 1500, "rpm"), 50 * std::numbers::pi);
-  EXPECT_DOUBLE_EQ(converted("SI", 30, "deg"), std::numbers::pi / 6);
-  EXPECT_DOUBLE_EQ(converted("in-slinch-s", 1, "lbf"), 1);
-  EXPECT_DOUBLE_EQ(converted("in-slinch-s", 1, "psi"), 1);
-  EXPECT_DOUBLE_EQ(converted("SI", 1, "psi"), 6894.757293168361);
-  EXPECT_DOUBLE_EQ(converted("SI", 1, "slug"), 14.593902937206364);
-  EXPECT_DOUBLE_EQ(converted("cm-g-s", 1, "N"), 1e5);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "kg m2"), 2);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "kg*mm^2"), 2e-6);
-  EXPECT_DOUBLE_EQ(converted("SI", 5, "N/mm"), 5000);
-  EXPECT_DOUBLE_EQ(converted("SI", 5, "1/ms"), 5000);
-  EXPECT_DOUBLE_EQ(converted("SI", 2, "%"), 0.02);
+  EXPECT_EQ(in_units_of("SI", 3, "mm"), 0.003);
+  EXPECT_EQ(in_units_of("SI", 210, "GPa"), 210e9);
+  EXPECT_EQ(in_units_of("mm-t-s", 210, "GPa"), 210e3);
+  EXPECT_EQ(in_units_of("mm-t-s", 0.54, "kg"), 0.54 / 1000);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-t-s", 7850, "kg/m^3"), 7.85e-9);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-kg-ms", 1, "kN"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("mm-kg-ms", 1, "GPa"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1500, "rpm"), 50 * std::numbers::pi);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 30, "deg"), std::numbers::pi / 6);
+  EXPECT_DOUBLE_EQ(in_units_of("in-slinch-s", 1, "lbf"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("in-slinch-s", 1, "psi"), 1);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1, "psi"), 6894.757293168361);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 1, "slug"), 14.593902937206364);
+  EXPECT_DOUBLE_EQ(in_units_of("cm-g-s", 1, "N"), 1e5);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "kg m2"), 2);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "kg*mm^2"), 2e-6);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 5, "N/mm"), 5000);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 5, "1/ms"), 5000);
+  EXPECT_DOUBLE_EQ(in_units_of("SI", 2, "%"), 0.02);
 }
 
 TEST(ModelUnits, OwnUnitsOfASystem) {
@@ -67,14 +67,14 @@ TEST(ModelUnits, EveryKeyHasAnOwnUnit) {
     for (const char* system : {"SI", "mm-t-s", "mm-kg-ms", "cm-g-s", "in-slinch-s"}) {
       const std::string unit = UnitSystem(system).unit_of(words);
       EXPECT_EQ(model::parse_unit(unit).dimension, model::parse_dimension(words)) << words << " " << unit;
-      EXPECT_NEAR(converted(system, 1, unit), 1, 1e-14) << words << " " << unit;
+      EXPECT_NEAR(in_units_of(system, 1, unit), 1, 1e-14) << words << " " << unit;
       ++checked;
     }
   }
   EXPECT_GT(checked, 200U);
 }
 
-const std::string kMeasured = R"toml(units = "mm-t-s"
+const std::string kWithUnits = R"toml(units = "mm-t-s"
 gravity = "[0, -9.81, 0] m/s^2"
 [parameters]
 arm = "0.5 m"
@@ -125,7 +125,7 @@ end = "1 ms"
 quantities = ["bob.position.x", "cord.force"]
 )toml";
 
-const std::string kConverted = R"toml(gravity = [0, -9810, 0]
+const std::string kByHand = R"toml(gravity = [0, -9810, 0]
 [parameters]
 arm = 500
 [materials.steel]
@@ -176,7 +176,7 @@ quantities = ["bob.position.x", "cord.force"]
 )toml";
 
 TEST(ModelUnits, AModelWithUnitsIsTheOneConvertedByHand) {
-  const Simulation measured = simulated(kMeasured), plain = simulated(kConverted);
+  const Simulation measured = simulated(kWithUnits), plain = simulated(kByHand);
   EXPECT_EQ(measured.summary().units, "mm-t-s");
   EXPECT_EQ(plain.summary().units, "");
   ASSERT_EQ(measured.summary().values.size(), 4U);
@@ -234,6 +234,9 @@ TEST(ModelUnits, WhatIsWrongIsRefused) {
       {"whole", replaced(si, "end = 1", "end = 1\nmax_order = \"2 mm\""), {"max_order", "plain number"}},
       {"expression", replaced(si, "mass = 2", "mass = \"2*3 kg\""), {"bodies.bob.mass", "must be a number"}},
       {"unit of nothing", replaced(si, "mass = 2", "mass = \"3 kg/\""), {"a unit is missing"}},
+      {"exponent", replaced(si, "mass = 2", "mass = \"3 kg^99999999999\""), {"an exponent of 1e+11"}},
+      {"no unit", replaced(p, "mass = 2", "mass = \"3 sin(1)\""), {"bodies.bob.mass", "must be a plain number"}},
+      {"no vector", replaced(si, "position = [1, 0, 0]", "position = \"1 m\""), {"position", "list of three"}},
       {"huge", replaced(si, "mass = 2", "mass = \"1e999 kg\""), {"beyond the range"}},
       {"overflow", replaced(si, "mass = 2", "mass = \"1e308 t\""), {"finite"}},
       {"angle", replaced(si, "mass = 2", "mass = 2\nangular_velocity = [0, 0, \"3 Hz\"]"), {"angle/time is expected"}},
@@ -269,6 +272,62 @@ length = "initial"
   EXPECT_EQ(body.find("mesh")->find("file")->text, "2 mm.inp");
   EXPECT_EQ(body.find("mesh")->find("scale")->real, 0.01);
   EXPECT_EQ(root.find("joints")->entries[0].second.find("length")->text, "initial");
+}
+
+/// Every shape in which numbers come: nested lists, repetitions, laws whose dimension follows from other keys.
+TEST(ModelUnits, ListsRepetitionsAndLaws) {
+  Value root = model::parse_toml(R"toml(units = "SI"
+[[repeat]]
+to = 2
+[repeat.bodies."b{i}"]
+type = "beam"
+points = "[[0, 0, 0], [100, 0, 0]] mm"
+position = ["{10*i} mm", 0, "5 cm"]
+[bodies.k]
+type = "rigid"
+inertia = [["1 kg m^2", 0, 0], [0, "2 kg m^2", 0], [0, 0, "3e6 kg mm^2"]]
+[contacts.ball]
+stiffness = "1 N/mm^1.5"
+exponent = 1.5
+[contacts.pad]
+stiffness = "1 MPa/mm"
+[surfaces.disc]
+shape = "sprocket"
+tip = "35 %"
+[splines.cam]
+points = [["1 ms", "2 mm"], [1, "3 deg"]]
+y_scale = "1 mm"
+[initial]
+rotation = { axis = [0, 0, 1], speed = "1500 rpm" }
+[supports.led]
+motion = { z = "1 um" }
+[markers.m]
+bore = { point = ["1 mm", 0, 0], radius = "1 in" }
+[forces.x]
+a = { bore = { length = "2 mm" }, rotation = { axis = [0, 0, 1], angle = "90 deg" } }
+)toml",
+                                 "m.toml");
+  model::expand(root, {});
+  const auto at = [&](const std::vector<const char*>& path) -> const Value& {
+    const Value* value = &root;
+    for (const char* key : path) value = value->find(key);
+    return *value;
+  };
+  EXPECT_EQ(at({"bodies", "b2", "points"}).items[1].items[0].real, 0.1);
+  EXPECT_EQ(at({"bodies", "b2", "position"}).items[0].real, 0.02);
+  EXPECT_EQ(at({"bodies", "b0", "position"}).items[2].real, 0.05);
+  EXPECT_DOUBLE_EQ(at({"bodies", "k", "inertia"}).items[2].items[2].real, 3);
+  EXPECT_NEAR(at({"contacts", "ball", "stiffness"}).real, std::pow(1000, 1.5), 1e-9);
+  EXPECT_DOUBLE_EQ(at({"contacts", "pad", "stiffness"}).real, 1e9);
+  EXPECT_DOUBLE_EQ(at({"surfaces", "disc", "tip"}).real, 0.35);
+  EXPECT_DOUBLE_EQ(at({"splines", "cam", "points"}).items[1].items[1].real, std::numbers::pi / 60);
+  EXPECT_DOUBLE_EQ(at({"splines", "cam", "y_scale"}).real, 1e-3);
+  EXPECT_DOUBLE_EQ(at({"initial", "rotation", "speed"}).real, 50 * std::numbers::pi);
+  EXPECT_DOUBLE_EQ(at({"supports", "led", "motion", "z"}).real, 1e-6);
+  EXPECT_DOUBLE_EQ(at({"markers", "m", "bore", "point"}).items[0].real, 1e-3);
+  EXPECT_DOUBLE_EQ(at({"markers", "m", "bore", "radius"}).real, 0.0254);
+  EXPECT_DOUBLE_EQ(at({"forces", "x", "a", "bore", "length"}).real, 2e-3);
+  EXPECT_DOUBLE_EQ(at({"forces", "x", "a", "rotation", "angle"}).real, std::numbers::pi / 2);
 }
 
 /// Phases are degrees by themselves.

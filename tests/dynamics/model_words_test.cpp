@@ -9,7 +9,7 @@
 namespace espalier::dynamics {
 namespace {
 
-void expect_mistakes(const std::vector<Mistake>& mistakes, const std::string& file = "model.toml") {
+void expect_refusals(const std::vector<Mistake>& mistakes, const std::string& file = "model.toml") {
   for (const Mistake& mistake : mistakes) {
     Simulation s;
     const Status status = s.load_text(mistake.text, file);
@@ -19,13 +19,13 @@ void expect_mistakes(const std::vector<Mistake>& mistakes, const std::string& fi
   }
 }
 
-std::string swing(const std::string& a, const std::string& b, const std::string& more = "") {
+std::string swinging_bob(const std::string& a, const std::string& b, const std::string& more = "") {
   std::string text = replaced(kPendulum, "bodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]",
                               fmt::format("a = {}\nb = {}", a, b));
   return text + "[output]\nquantities = [\"bob.position.x\", \"hinge.force.x\"]\n" + more;
 }
 
-std::vector<double> values_of(const Simulation& s) {
+std::vector<double> final_values(const Simulation& s) {
   std::vector<double> values;
   for (const auto& entry : s.summary().values) values.push_back(entry.second);
   return values;
@@ -35,15 +35,16 @@ const std::string kArm = "{ body = \"bob\", point = [-1, 0, 0], axis = [0, 0, 1]
 
 TEST(ModelWords, NamesOfBodiesAreFrames) {
   const std::string markers = "[markers]\norigin = { same_as = \"ground\" }\nmiddle = { same_as = \"bob\" }\n";
-  const std::vector<double> truth = values_of(simulated(swing("{ body = \"ground\" }", kArm)));
+  const std::vector<double> truth = final_values(simulated(swinging_bob("{ body = \"ground\" }", kArm)));
   ASSERT_EQ(truth.size(), 2U);
-  EXPECT_EQ(values_of(simulated(swing("\"ground\"", kArm))), truth);
-  EXPECT_EQ(values_of(simulated(swing("\"origin\"", kArm, markers))), truth);
+  EXPECT_EQ(final_values(simulated(swinging_bob("\"ground\"", kArm))), truth);
+  EXPECT_EQ(final_values(simulated(swinging_bob("\"origin\"", kArm, markers))), truth);
   // The hinge carries the frame on the ground where the centre of mass is.
-  const std::string at_rest = swing("{ body = \"ground\", point = [1, 0, 0], axis = [0, 0, 1] }", "\"bob\"", markers);
+  const std::string at_rest =
+      swinging_bob("{ body = \"ground\", point = [1, 0, 0], axis = [0, 0, 1] }", "\"bob\"", markers);
   const Simulation held = simulated(at_rest);
   EXPECT_NEAR(held.summary().values[0].second, 1, 1e-12);
-  EXPECT_EQ(values_of(simulated(replaced(at_rest, "b = \"bob\"", "b = \"middle\""))), values_of(held));
+  EXPECT_EQ(final_values(simulated(replaced(at_rest, "b = \"bob\"", "b = \"middle\""))), final_values(held));
 }
 
 TEST(ModelWords, PointMassesAreFrames) {
@@ -68,7 +69,7 @@ quantities = ["rope.coordinate", "rope.b.position.x", "bob.position.x"]
 
 TEST(ModelWords, FramesOfJointsAreMarkers) {
   const std::string tip = "{ body = \"bob\", point = [0.5, 0, 0], name = \"tip\" }";
-  const std::string text = swing("\"ground\"", kArm) + R"([forces.pull]
+  const std::string text = swinging_bob("\"ground\"", kArm) + R"([forces.pull]
 type = "load"
 a = )" + tip + R"(
 force = ["-0.1*tip.velocity.x - 0.2*pull.a.velocity.y", 0, 0]
@@ -99,18 +100,27 @@ TEST(ModelWords, WhatIsNoFrameIsRefused) {
   const std::string flexible =
       "[bodies.arm]\ntype = \"solid\"\nmesh = { part = \"block\", divisions = [1, 1, 1] }\n"
       "material = { young = 1e9, density = 1000 }\n";
-  expect_mistakes({
-      {"unknown", swing("\"grund\"", kArm), {"joints.hinge.a", "did you mean 'ground'"}},
-      {"near", swing("\"bop\"", kArm), {"unknown marker 'bop'", "did you mean 'bob'"}},
-      {"flexible", swing("\"ground\"", "\"arm\"", flexible), {"joints.hinge.b", "'arm' is flexible: say where"}},
-      {"letter", swing("\"ground\"", "\"hinge.c\""), {"unknown marker 'hinge.c'", "hinge.a"}},
-      {"circle", swing("\"hinge.b\"", "\"hinge.a\""), {"circle"}},
-      {"list", swing("[0, 0, 0]", kArm), {"joints.hinge.a", "must be a frame", "a list"}},
-      {"number", swing("3", kArm), {"must be a frame", "a whole number"}},
-      {"taken", swing("{ body = \"ground\", name = \"bob\" }", kArm), {"'bob' is taken"}},
-      {"twice", swing("{ body = \"ground\", name = \"x\" }", "{ body = \"bob\", name = \"x\" }"), {"'x' is taken"}},
-      {"signs", swing("{ body = \"ground\", name = \"x.y\" }", kArm), {"letters, digits"}},
-      {"quantity", swing("\"ground\"", kArm) + "[sensors]\nx = \"hinge.d.position.x\"\n", {"hinge"}},
+  expect_refusals({
+      {"unknown", swinging_bob("\"grund\"", kArm), {"joints.hinge.a", "did you mean 'ground'"}},
+      {"near", swinging_bob("\"bop\"", kArm), {"unknown marker 'bop'", "did you mean 'bob'"}},
+      {"flexible", swinging_bob("\"ground\"", "\"arm\"", flexible), {"joints.hinge.b", "'arm' is flexible: say where"}},
+      {"letter", swinging_bob("\"ground\"", "\"hinge.c\""), {"unknown marker 'hinge.c'", "hinge.a"}},
+      {"circle", swinging_bob("\"hinge.b\"", "\"hinge.a\""), {"circle"}},
+      {"list", swinging_bob("[0, 0, 0]", kArm), {"joints.hinge.a", "must be a frame", "a list"}},
+      {"number", swinging_bob("3", kArm), {"must be a frame", "a whole number"}},
+      {"taken", swinging_bob("{ body = \"ground\", name = \"bob\" }", kArm), {"'bob' is taken"}},
+      {"twice",
+       swinging_bob("{ body = \"ground\", name = \"x\" }", "{ body = \"bob\", name = \"x\" }"),
+       {"'x' is taken"}},
+      {"signs", swinging_bob("{ body = \"ground\", name = \"x.y\" }", kArm), {"letters, digits"}},
+      {"quantity", swinging_bob("\"ground\"", kArm) + "[sensors]\nx = \"hinge.d.position.x\"\n", {"hinge"}},
+      {"axis",
+       replaced(swinging_bob("\"ground\"", "\"bob\""), "\na = ", "\naxis = [0, 0, 1]\na = "),
+       {"joints.hinge.axis", "axis = [..] }"}},
+      {"no section", "output = 3\n" + kPendulum, {"output", "must be a section, [output]"}},
+      {"no table",
+       swinging_bob("\"ground\"", kArm, "envelopes = []\npaths = { x = 3 }\n"),
+       {"output.paths.x", "table"}},
       {"sections", "forces = [1]\n" + kPendulum, {"forces", "named tables", "[forces.name]"}},
       {"joints", "joints = 3\n" + kPendulum.substr(0, kPendulum.find("[joints")), {"joints", "named tables"}},
       {"lists", replaced(kPendulum, "[joints.hinge]", "[[joints]]"), {"joints", "named tables", "[joints.name]"}},
@@ -118,7 +128,7 @@ TEST(ModelWords, WhatIsNoFrameIsRefused) {
 }
 
 /// Two hexahedra in a row along x; nodes have the labels 10, 20, ..., 120, four for each x.
-std::string mesh_of_two() {
+std::string text_of_two() {
   std::string text = "*NODE\n";
   int label = 10;
   for (int x = 0; x < 3; ++x)
@@ -144,7 +154,7 @@ std::string mesh_of_two() {
 
 class MeshOfTwo : public testing::Test {
  protected:
-  MeshOfTwo() { std::ofstream(folder_.path() + "/two.inp") << mesh_of_two(); }
+  MeshOfTwo() { std::ofstream(folder_.path() + "/two.inp") << text_of_two(); }
   [[nodiscard]] std::string file() const { return folder_.path() + "/model.toml"; }
   [[nodiscard]] static std::string bar(const std::string& more) {
     return "[bodies.bar]\ntype = \"solid\"\nmesh = { file = \"two.inp\" }\n" + more;
@@ -154,7 +164,7 @@ class MeshOfTwo : public testing::Test {
     Status status = s.load_text(text, file());
     if (status.ok()) status = s.run();
     EXPECT_TRUE(status.ok()) << status.message;
-    return values_of(s);
+    return final_values(s);
   }
 
  private:
@@ -222,7 +232,7 @@ TEST_F(MeshOfTwo, WhatIsMissingIsNamed) {
     return "[supports.wall]\nbody = \"bar\"\nhold = \"all\"\n" + nodes + "\n";
   };
   const std::string steel = "material = { young = 2e11, density = 7850 }\n";
-  expect_mistakes(
+  expect_refusals(
       {
           {"label",
            bar(support("nodes = [10, 31]")) + still,

@@ -56,6 +56,12 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
     }
     return frames;
   }
+  for (const char* key : {"at", "axis", "x_axis", "rotation"})
+    if (s.has(key))
+      fail(
+          s.place(key),
+          "goes with bodies = [..]; beside frames a and b it belongs into one of them: a = { body = ..., point = [..], "
+          "axis = [..] }");
   static const char* const kKeys[] = {"a", "b", "c", "d"};
   for (std::size_t k = 0; k < count; ++k) {
     const Value* value = s.value(kKeys[k]);

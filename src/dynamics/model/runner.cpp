@@ -457,7 +457,8 @@ std::optional<std::string> Runner::explain_positions(const Error& error) {
 std::string Runner::explain_failure(const Error& error) {
   std::string text = error.what();
   if (const std::optional<std::string> why = explain_positions(error); why && text.find(*why) == std::string::npos) {
-    if (!integrator_) return *why + "; the search ended with: " + text;
+    if (!integrator_)
+      return error.status().code == StatusCode::singular ? *why : *why + "; the search ended with: " + text;
     text = *why + "; " + text;
   }
   text += mechanism_->inverted_elements();

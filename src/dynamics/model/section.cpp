@@ -24,7 +24,10 @@ const Scope& scope_of(const Value& value) {
 }  // namespace
 
 Section::Section(const Value& table) : table_(&table) {
-  if (!table.is_table()) wrong_type(table, "a table");
+  const std::string& path = table.place.path;
+  if (!table.is_table())
+    wrong_type(table, path.find('.') == std::string::npos && !path.empty() ? fmt::format("a section, [{}]", path)
+                                                                           : "a table, { key = value }");
 }
 
 const Place& Section::place(std::string_view key) const {
@@ -53,7 +56,8 @@ double Section::to_number(const Value& value) {
     try {
       number = Expression(value.text, scope_of(value), false).value();
     } catch (const Error& error) {
-      if (written_value(value.text)) fail(value.place, "must be a plain number here, without a unit");
+      if (written_value(value.text))
+        fail(value.place, std::string("must be a plain number here, without a unit; ") + error.what());
       fail(value.place, std::string("must be a number; ") + error.what());
     }
   } else if (value.type != Value::Type::integer && value.type != Value::Type::real) {

@@ -138,8 +138,8 @@ class LeastViolation {
   }
 
   [[nodiscard]] std::vector<double> limited(const MatrixXd& step) const {
-    constexpr double kLongest = 0.5;  // of the sizes: half a radian
-    const double longest = step.cwiseAbs().maxCoeff(), part = longest > kLongest ? kLongest / longest : 1;
+    constexpr double kFarthest = 0.5;  // of the sizes: half a radian
+    const double longest = step.cwiseAbs().maxCoeff(), part = longest > kFarthest ? kFarthest / longest : 1;
     std::vector<double> out(n_);
     for (std::size_t j = 0; j < n_; ++j) out[j] = part * step(static_cast<Eigen::Index>(j), 0) * widths_[j];
     return out;

@@ -18,6 +18,15 @@ bool goes_for(const Dimension& unit, const Dimension& wanted) {
   return unit == other;
 }
 
+bool is_unit(std::string_view text) {
+  try {
+    (void)parse_unit(text);
+  } catch (const std::invalid_argument&) {
+    return false;
+  }
+  return true;
+}
+
 class UnitApplier {
  public:
   explicit UnitApplier(std::optional<UnitSystem> units) : units_(std::move(units)) {}
@@ -32,6 +41,7 @@ class UnitApplier {
   void text(Value& value, const std::vector<std::string>& dimensions) const {
     const std::optional<WrittenValue> written = written_value(value.text);
     if (!written) return;
+    if (!units_ && !is_unit(written->unit)) return;  // of an expression that is wrong
     if (!units_)
       fail(
           value.place,

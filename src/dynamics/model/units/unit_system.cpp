@@ -151,6 +151,9 @@ std::vector<Part> product_of(std::string_view text) {
     Part part{text.substr(0, end), sign};
     text.remove_prefix(end);
     part.exponent *= take_exponent(text);
+    constexpr double kLargest = 20;
+    if (!(std::abs(part.exponent) <= kLargest))
+      throw std::invalid_argument(fmt::format("an exponent of {:g} makes no unit", part.exponent));
     parts.push_back(part);
     sign = 1;
     marked = false;
@@ -344,11 +347,10 @@ std::string UnitSystem::unit_of(std::string_view words) const {
     }
     return "";
   };
-  if (const std::string whole = name_of_own(dimension);
-      !whole.empty() && dimension != kEnergy && dimension != kFrequency)
+  if (std::string whole = name_of_own(dimension); !whole.empty() && dimension != kEnergy && dimension != kFrequency)
     return whole;
   if (words == "energy")
-    if (const std::string whole = name_of_own(dimension); !whole.empty()) return whole;
+    if (std::string whole = name_of_own(dimension); !whole.empty()) return whole;
   // Word by word: "force*length" is N*mm.
   std::vector<std::pair<std::string, double>> named;
   for (const Part& part : product_of(words)) {
