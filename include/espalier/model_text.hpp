@@ -18,7 +18,7 @@ namespace espalier {
                                       const std::vector<std::string>& set = {});
 
 /// Reads one named part alone. What it refers to is taken to be there: materials, inputs, parameters that `text` does
-/// not have. Messages begin with the path in the part: "box: needs three lengths greater than 0".
+/// not have. Messages begin with the path, "bodies.bob.box: needs three lengths greater than 0".
 /// @param text  the part, "bodies.bob = { ... }", and [parameters] that its numbers may use
 /// @param file  of the model, whose folder counts for files; it need not exist
 [[nodiscard]] Status check_model_part(const std::string& section, const std::string& name, const std::string& text,

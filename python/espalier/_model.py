@@ -153,7 +153,7 @@ class Model(Parts):
         text = toml_of({k: self.tree[k] for k in ("units", "parameters") if self.tree.get(k)}) + text
         code, message, row = _core.check_model_part(section, name, text, self._name)
         if code != 0:
-            message = re.sub(r"^(\S+): unknown key", lambda m: f"unknown key {m[1]!r}", re.sub(rf"^:\d+: ({section}\.{re.escape(name)}(\.|: |$))?", "", message))
+            message = re.sub(r"^(\S+): unknown key", lambda m: f"unknown key {m[1]!r}", re.sub(rf"^{section}\.{re.escape(name)}(\.|: )", "", message))
             raise make_error(code, f"Model.{_CALLS.get(section, section)}({name!r}): {message}", row)
 
     def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: Asked = "auto",

@@ -45,7 +45,7 @@ TEST(ModelCheck, APartAloneTakesWhatItRefersToAsThere) {
   EXPECT_EQ(said("bodies", "bodies.p = { type = \"point\", mass = \"2*later\" }"), "");
   EXPECT_NE(said("bodies", "bodies.p = { type = \"point\", mass = \"2*lengt\" }\nparameters.length = 1").find("length"),
             std::string::npos);
-  EXPECT_EQ(said("bodies", "bodies.p = { type = \"point\", mass = -1 }"), "mass: must be greater than 0, not -1");
+  EXPECT_EQ(said("bodies", "bodies.p = { type = \"point\", mass = -1 }"), "bodies.p.mass: must be greater than 0, not -1");
   EXPECT_EQ(said("events", "events.p = { when = \"t > 1\", set = { push = 1 }, on = [\"f\"] }"), "");
 }
 

@@ -30,14 +30,11 @@ Status checked(const Action& action) {
   return {};
 }
 
-/// Places in the part: no file, no line, and a path that begins there.
-void place_in_part(Value& value, const std::string& part) {
-  std::string& path = value.place.path;
-  path = path == part ? "" : path.starts_with(part + ".") ? path.substr(part.size() + 1) : path;
-  value.place.file.clear();
+/// Nobody has written the text that a part comes in.
+void forget_lines(Value& value) {
   value.place.line = 0;
-  for (Value& item : value.items) place_in_part(item, part);
-  for (auto& [key, entry] : value.entries) place_in_part(entry, part);
+  for (Value& item : value.items) forget_lines(item);
+  for (auto& [key, entry] : value.entries) forget_lines(entry);
 }
 
 std::vector<std::string> words_of(const Value* list) {
@@ -74,7 +71,7 @@ void read_parts(const Value& root_value, Description& model) {
 /// A name in an expression that may be a parameter of the model to come: one that is not near to one that is there.
 bool may_come(const std::string& message, const Value& root) {
   const std::size_t at = message.find("unknown name '");
-  if (at == std::string::npos) return false;
+  if (at == std::string::npos || message.find("without a unit") != std::string::npos) return false;
   const Value* parameters = root.find("parameters");
   for (std::size_t k = 0; parameters != nullptr && k < parameters->entries.size(); ++k)
     if (message.find("did you mean '" + parameters->entries[k].first + "'", at) != std::string::npos) return false;
@@ -176,6 +173,7 @@ Status check_model_part(const std::string& section, const std::string& name, con
   Value given;
   const Status status = checked([&] {
     Value root = given = dynamics::model::parse_toml(text, "");
+    forget_lines(root);
     dynamics::model::expand(root, {});
     Description model;
     model.file = file;
@@ -185,7 +183,6 @@ Status check_model_part(const std::string& section, const std::string& name, con
     Value* parts = root.find(section);
     Value* part = parts == nullptr ? nullptr : parts->find(name);
     if (part == nullptr) throw std::logic_error("check_model_part: the text has no such part");
-    place_in_part(*part, section + "." + name);
     take_as_there(Value(*part), root, model);
     read_parts(root, model);
   });
