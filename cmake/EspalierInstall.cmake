@@ -10,6 +10,7 @@ install(EXPORT espalier NAMESPACE espalier:: FILE espalierTargets.cmake DESTINAT
 configure_package_config_file(cmake/espalierConfig.cmake.in ${PROJECT_BINARY_DIR}/espalierConfig.cmake
   INSTALL_DESTINATION ${package_dir})
 write_basic_package_version_file(${PROJECT_BINARY_DIR}/espalierConfigVersion.cmake COMPATIBILITY SameMinorVersion)
+install(FILES $<TARGET_FILE_DIR:espalier_library>/espalier.origin DESTINATION ${package_dir} OPTIONAL)
 install(FILES ${PROJECT_BINARY_DIR}/espalierConfig.cmake ${PROJECT_BINARY_DIR}/espalierConfigVersion.cmake cmake/FindHWY.cmake
   DESTINATION ${package_dir})
 
@@ -52,7 +53,9 @@ foreach(part IN LISTS bundled)
 endforeach()
 install(CODE "set(binaries \"${binaries}\")" COMPONENT bundle EXCLUDE_FROM_ALL)
 install(SCRIPT cmake/bundle_libraries.cmake COMPONENT bundle EXCLUDE_FROM_ALL)
-install(DIRECTORY models/ DESTINATION share/espalier/models COMPONENT bundle EXCLUDE_FROM_ALL FILES_MATCHING PATTERN "*.toml")
+install(FILES ${ESPALIER_MODELS} DESTINATION share/espalier/models)
+install(FILES ${ESPALIER_MODELS} DESTINATION share/espalier/models COMPONENT bundle EXCLUDE_FROM_ALL)
+install(DIRECTORY models/real DESTINATION share/espalier/models COMPONENT bundle EXCLUDE_FROM_ALL FILES_MATCHING PATTERN "*.toml")
 install(FILES LICENSE README.md CHANGELOG.md DESTINATION . COMPONENT bundle EXCLUDE_FROM_ALL)
 
 set(CPACK_GENERATOR TGZ)

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -83,12 +84,21 @@ std::string machine_text(const plan::Machine& machine) {
                      machine.gpu.name, table.text());
 }
 
+/// How the Python package was made that holds this binary; empty where none does.
+std::string package_origin() {
+  std::ifstream file(std::filesystem::read_symlink("/proc/self/exe").parent_path() / "../origin.txt");
+  std::string line;
+  std::getline(file, line);
+  return line;
+}
+
 nlohmann::ordered_json info_json(const solver::BuildInfo& build, const Machine& machine, const KernelRate& kernels,
                                  const plan::Machine& model) {
   nlohmann::ordered_json libraries;
   for (const auto& library : build.libraries) libraries[library.name] = library.version;
   return {
       {"version", build.version},
+      {"package", package_origin()},
       {"build",
        {{"type", build.build_type},
         {"compiler", build.compiler},
@@ -108,6 +118,7 @@ std::string info_text(const solver::BuildInfo& build, const Machine& machine, co
     libraries += fmt::format("{}{} {}", libraries.empty() ? "" : ", ", library.name, library.version);
   }
   Table table("<<");
+  if (const std::string package = package_origin(); !package.empty()) table.add({"package", package});
   table.add({"build", fmt::format("{}, {}{}{}", build.build_type, build.compiler,
                                   build.sanitizers.empty() ? "" : ", sanitizers: ", build.sanitizers)});
   table.add({"flags", build.flags});

@@ -36,14 +36,15 @@ void prepend(const char* variable, const std::string& value, char separator) {
   ::setenv(variable, (alone ? value : value + separator + before).c_str(), 1);
 }
 
-/// A folder of its own for links and the log, gone in the end.
+/// A folder of its own for links and the log, gone in the end. Links to libraries stand in espalier/lib, as the
+/// libraries do in a wheel: what a wheel brings in espalier.libs is looked for relative to the link (dlopen's $ORIGIN).
 class RunFolder {
  public:
   RunFolder() {
     std::string name = (fs::temp_directory_path() / "espalier-run-XXXXXX").string();
     if (::mkdtemp(name.data()) == nullptr) refuse(fmt::format("{}: cannot be made: {}", name, std::strerror(errno)));
     path_ = name;
-    fs::create_directory(path_ / "lib");
+    fs::create_directories(links());
   }
   ~RunFolder() {
     std::error_code ignored;
@@ -52,15 +53,27 @@ class RunFolder {
   RunFolder(const RunFolder&) = delete;
   RunFolder& operator=(const RunFolder&) = delete;
   [[nodiscard]] const fs::path& path() const { return path_; }
+  [[nodiscard]] fs::path root() const { return path_ / "espalier"; }
+  [[nodiscard]] fs::path links() const { return root() / "lib"; }
+
+  /// A link of this name to the library, and one to what a wheel has brought with it.
+  void link(const fs::path& library, const char* name) const {
+    fs::create_symlink(library, links() / name);
+    const fs::path brought = library.parent_path() / "../../espalier.libs";
+    if (fs::exists(brought) && !fs::exists(path_ / "espalier.libs"))
+      fs::create_symlink(fs::canonical(brought), path_ / "espalier.libs");
+  }
 
  private:
   fs::path path_;
 };
 
-/// Beside this binary as it is built, or in the library folder of the installation; empty where it is in neither.
+/// Beside this binary as it is built, in the library folder of the installation, or in the Python package (also for the
+/// binary of espalier-cuda, which has no such libraries of its own); empty where it is in none.
 fs::path find_host_library(const std::string& name) {
   const fs::path binary = fs::read_symlink("/proc/self/exe").parent_path();
-  for (const fs::path& folder : {binary / "hosts", binary / ".." / "lib", binary / ".." / ESPALIER_LIBRARY_FOLDER}) {
+  for (const fs::path& folder : {binary / "hosts", binary / ".." / "lib", binary / ".." / ESPALIER_LIBRARY_FOLDER,
+                                 binary / ".." / ".." / "espalier" / "lib"}) {
     if (fs::exists(folder / name)) return fs::canonical(folder / name);
   }
   return {};
@@ -69,28 +82,31 @@ fs::path find_host_library(const std::string& name) {
 fs::path host_library(const std::string& name) {
   fs::path found = find_host_library(name);
   if (found.empty())
-    refuse(fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts", name));
+    refuse(
+        fmt::format("{} is not there; build it: cmake --build build/release --target espalier_hosts (what it needs: "
+                    "docs/guide/hosts.md; wheels for other machines have none for PETSc)",
+                    name));
   return found;
 }
 
 /// Each way in: what a program looks for, and where it finds ours.
 void offer_hsl(const RunFolder& folder) {
-  fs::create_symlink(host_library("libespalier_hsl.so"), folder.path() / "lib" / "libhsl.so");
-  prepend("LD_LIBRARY_PATH", (folder.path() / "lib").string(), ':');
+  folder.link(host_library("libespalier_hsl.so"), "libhsl.so");
+  prepend("LD_LIBRARY_PATH", folder.links().string(), ':');
 }
 
 void offer_mkl(const RunFolder& folder) {
   const fs::path ours = host_library("libespalier_mkl_pardiso.so");
-  fs::create_symlink(ours, folder.path() / "lib" / "libmkl_rt.so");
-  ::setenv("MKLROOT", folder.path().c_str(), 1);
+  folder.link(ours, "libmkl_rt.so");
+  ::setenv("MKLROOT", folder.root().c_str(), 1);
   ::setenv("PYPARDISO_MKL_RT", ours.c_str(), 1);
   prepend("LD_PRELOAD", ours.string(), ':');
 }
 
 void offer_panua(const RunFolder& folder) {
-  fs::create_symlink(host_library("libespalier_panua.so"), folder.path() / "lib" / "libpardiso.so");
-  ::setenv("PARDISO_PATH", (folder.path() / "lib").c_str(), 1);
-  prepend("LD_LIBRARY_PATH", (folder.path() / "lib").string(), ':');
+  folder.link(host_library("libespalier_panua.so"), "libpardiso.so");
+  ::setenv("PARDISO_PATH", folder.links().c_str(), 1);
+  prepend("LD_LIBRARY_PATH", folder.links().string(), ':');
 }
 
 /// Functions that a program calls in a library of its own: ours stand before them.

@@ -17,6 +17,7 @@ from ._scene import SurfaceFrame
 from ._sensitivities import Derivatives, derivatives, objective_gradient
 from ._simulation import Simulation, Step, sweep
 from ._solver import Solver, solve
+from . import examples as examples
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "InvalidInputError", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "Solver",

@@ -562,8 +562,8 @@ class Parts:
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
-        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: Gmsh .msh 2.2 and 4.1, Abaqus/CalculiX .inp, legacy
-            VTK .vtk, Nastran .bdf, .nas, .dat (below), also .gz
+        mesh: {...}, needed. { file = "rod.inp", scale = 1e-3 }: a mesh of Abaqus, Gmsh, Nastran, Ansys, VTK, MEDIT or
+            MFEM (below), also .gz
         element_set: text. only these elements of the mesh
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points

@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <numbers>
+#include <numeric>
 
+#include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/sides.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -47,6 +51,7 @@ Mesh load_mesh(const MeshFile& file) {
   for (Point& p : mesh.nodes)
     for (double& x : p) x *= file.scale;
   mesh.drop_unused_nodes();
+  add_side_sets(mesh);
   return mesh;
 }
 
@@ -55,9 +60,12 @@ Mesh load_mesh(const MeshFile& file) {
 Material material_of(const Mesh& mesh, const SolidSpec& solid, bool statics, bool& massless) {
   if (solid.material) return *solid.material;
   std::string name;
-  if (const auto it = mesh.section_material.find(solid.element_set); it != mesh.section_material.end())
+  if (const auto it = find_named(mesh.section_material, solid.element_set); it != mesh.section_material.end())
     name = it->second;
-  if (name.empty() && mesh.section_material.size() == 1) name = mesh.section_material.begin()->second;
+  if (name.empty() && !mesh.section_material.empty() &&
+      std::all_of(mesh.section_material.begin(), mesh.section_material.end(),
+                  [&](const auto& section) { return section.second == mesh.section_material.begin()->second; }))
+    name = mesh.section_material.begin()->second;
   for (const MeshMaterial& m : mesh.materials)
     if (m.name == name && m.young > 0 && (m.density > 0 || statics)) {
       Material result;
@@ -80,32 +88,55 @@ Material material_of(const Mesh& mesh, const SolidSpec& solid, bool statics, boo
   throw Error(StatusCode::invalid_input, fmt::format("needs 'material': the mesh file {}", states));
 }
 
-/// The solids of a mesh, where it has surfaces, lines and points too that lie on them (Gmsh writes .inp files so).
-/// Empty: all elements are solids. @throws where some do not lie on solids: they might be meant
-std::vector<Index> solids_of(Mesh& mesh) {
-  std::vector<Index> solids, others;
+/// The solids among elements that may be surfaces, lines and points too. Those that lie on the solids are sets alone
+/// (Gmsh writes .inp files so), the others are passed over: the notices count both.
+/// @param chosen  rising; empty: all. @return empty: all elements of the mesh
+std::vector<Index> solids_of(Mesh& mesh, std::vector<Index> chosen) {
+  const bool all = chosen.empty();
+  if (all) {
+    chosen.resize(static_cast<std::size_t>(mesh.element_count()));
+    std::iota(chosen.begin(), chosen.end(), 0);
+  }
+  std::vector<Index> solids;
   std::vector<char> of_solids(mesh.nodes.size(), 0);
-  for (Index e = 0; e < mesh.element_count(); ++e) {
-    const bool solid = shape_of(mesh.type(e)).dimension == 3;
-    (solid ? solids : others).push_back(e);
-    if (!solid) continue;
+  for (const Index e : chosen) {
+    if (shape_of(mesh.type(e)).dimension < 3) continue;
+    solids.push_back(e);
     for (const Index n : mesh.element(e)) of_solids[static_cast<std::size_t>(n)] = 1;
   }
-  if (others.empty() || solids.empty()) return {};
-  std::string sets;
-  for (const auto& entry : mesh.element_sets) sets += (sets.empty() ? "" : ", ") + entry.first;
-  for (const Index e : others)
-    for (const Index n : mesh.element(e))
-      if (of_solids[static_cast<std::size_t>(n)] == 0)
-        throw Error(
-            StatusCode::invalid_input,
-            fmt::format("the mesh has {} elements that are no solids, for instance {} ({}); choose the solids by "
-                        "'element_set'; the sets are: {}",
-                        others.size(), mesh.element_label(e), shape_of(mesh.type(e)).name,
-                        sets.empty() ? "none" : sets));
-  mesh.notices.push_back(
-      fmt::format("{} surface and line elements that lie on the solids serve as sets only", others.size()));
+  if (solids.empty() || solids.size() == chosen.size()) return all ? std::vector<Index>() : chosen;
+  Index on_solids = 0;
+  std::map<std::string_view, Index> others;  // by their shapes
+  for (const Index e : chosen) {
+    const auto nodes = mesh.element(e);
+    if (shape_of(mesh.type(e)).dimension == 3) continue;
+    if (std::all_of(nodes.begin(), nodes.end(), [&](Index n) { return of_solids[static_cast<std::size_t>(n)] != 0; }))
+      ++on_solids;
+    else
+      ++others[shape_of(mesh.type(e)).name];
+  }
+  if (on_solids > 0)
+    mesh.notices.push_back(
+        fmt::format("{} surface and line elements that lie on the solids serve as sets only", on_solids));
+  if (!others.empty()) {
+    std::string list;
+    for (const auto& [shape, count] : others) list += fmt::format("{}{} {}", list.empty() ? "" : ", ", count, shape);
+    mesh.notices.push_back(fmt::format("elements that are no solids are passed over: {}; the body is made of {} solids",
+                                       list, solids.size()));
+  }
   return solids;
+}
+
+/// Without other elements where they have nodes of their own: such nodes would be masses without stiffness.
+void drop_others(Mesh& mesh, std::vector<Index>& elements) {
+  if (elements.empty()) return;
+  std::vector<char> used(mesh.nodes.size(), 0);
+  for (const Index e : elements)
+    for (const Index n : mesh.element(e)) used[static_cast<std::size_t>(n)] = 1;
+  if (std::find(used.begin(), used.end(), 0) == used.end()) return;
+  keep_elements(mesh, elements);
+  mesh.drop_unused_nodes();
+  elements.clear();
 }
 
 std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
@@ -114,7 +145,7 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
   if (first.size() < 2) return "";
   std::string labels;
   for (std::size_t k = 0; k < std::min(kShown, first.size()); ++k)
-    labels += fmt::format("{}{}", k > 0 ? ", " : "", mesh.node_label(first[k]));
+    labels += fmt::format("{}{}", k > 0 ? ", " : "", node_name(mesh, first[k]));
   return fmt::format(
       "the mesh falls into {} pieces that share no node, with the nodes {}{}; where joints do not hold all of them, "
       "they move "
@@ -130,8 +161,9 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   auto mesh =
       std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
   out.material = material_of(*mesh, solid, statics, out.spec.massless);
-  std::vector<Index> elements;
-  elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
+  std::vector<Index> elements =
+      solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));
+  drop_others(*mesh, elements);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
   out.notices = mesh->notices;
   if (file != nullptr) {  // meshers refuse to make elements that are folded

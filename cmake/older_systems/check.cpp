@@ -1,4 +1,4 @@
-// Does old_symbols.c link here? CMake tries it.
+// Does symbols.c link here? CMake tries it.
 #include <cmath>
 #include <condition_variable>
 #include <mutex>

@@ -1,5 +1,6 @@
 /* Two functions of ours were made anew in glibc 2.35 and in the libstdc++ of GCC 12; the older ones are there as well.
- * With them a wheel runs on systems with glibc 2.34 and GCC 11 (manylinux_2_34). The module is linked with --wrap. */
+ * With them a wheel runs on systems with glibc 2.34 and GCC 11 (manylinux_2_34). What it holds is linked with --wrap.
+ */
 #include <features.h>
 
 #ifdef __GLIBC__
