@@ -78,11 +78,11 @@ def test_tables_of_keys_are_those_of_the_readers(section, tmp_path):
         for base in bases:
             assert asked(section, {**head, **base}, tmp_path) == "", (kind, base)
         for key in every:
-            known = ("unknown key" not in asked(section, {**head, **base, key: value}, tmp_path) for base in bases for value in SAMPLES)
+            said = (asked(section, {**head, **base, key: value}, tmp_path) for base in bases for value in SAMPLES)
             if key in rows[kind]:  # one sample at least is read, rightly or wrongly
-                assert key in head or any(known), (kind, key)
+                assert key in head or any("unknown key" not in text for text in said), (kind, key)
             else:
-                assert not any(itertools.islice(known, len(SAMPLES))), (kind, key)
+                assert all(itertools.islice(said, len(SAMPLES))), (kind, key)
 
 
 def test_the_made_files_are_those_of_the_sources():
@@ -99,6 +99,8 @@ def model():
 
 @pytest.mark.parametrize("call, words", [
     (lambda m: m.body("bob", mass=1, bx=[1, 1, 1]), r"Model\.body\('bob'\): unknown key 'bx'; did you mean 'box'\?"),
+    (lambda m: m.body("bob", mass=1, inertia=[1, 1, 1], bx=[1, 1, 1]), r"Model\.body\('bob'\): unknown key 'bx'; did you mean 'box'\?"),
+    (lambda m: m.joint("h", "spherical", bodies=["ground", "bob"], at=[0, 0, 0], limits={}), r"Model\.joint\('h'\): limits: only revolute"),
     (lambda m: m.body("bob", mas=1, box=[1, 1, 1]), r"Model\.body\('bob'\): unknown key 'mas'; did you mean 'mass'\?"),
     (lambda m: m.body("bob", mass=1), r"Model\.body\('bob'\): needs 'inertia'"),
     (lambda m: m.body("bob", mass=-1, box=[1, 1, 1]), r"Model\.body\('bob'\): mass: must be greater than 0"),

@@ -321,7 +321,7 @@ Description read_description(const Value& root_value, const std::string& file) t
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
 } catch (const Error& error) {
-  if (error.status().code == StatusCode::invalid_input) refuse_unknown_sections(root_value);
+  if (error.status().code == StatusCode::invalid_input) refuse_unknown_sections(root_value, error);
   throw;
 }
 

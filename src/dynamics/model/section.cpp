@@ -251,7 +251,7 @@ void Section::named(const std::string& key, const std::function<void(const std::
     try {
       each(name, value);
     } catch (const Error& error) {
-      if (error.status().code == StatusCode::invalid_input) refuse_unknown_keys(key, value);
+      if (error.status().code == StatusCode::invalid_input) refuse_unknown_keys(key, value, error);
       throw;
     }
   }

@@ -19,9 +19,9 @@ struct PartKeys {
 
 /// To be called when a part is wrong in some way: a misspelt key is the likeliest reason, also of a missing one.
 /// @throws Error(invalid_input) for the first key that no reader of such a part knows; nothing where the type of the
-/// part is not known either
-void refuse_unknown_keys(std::string_view section, const Value& part);
+/// part is not known either, and where the error is about that key and says more
+void refuse_unknown_keys(std::string_view section, const Value& part, const Error& error);
 /// The same of the top of a model and of its sections that have no named parts.
-void refuse_unknown_sections(const Value& root);
+void refuse_unknown_sections(const Value& root, const Error& error);
 
 }  // namespace espalier::dynamics::model

@@ -15,7 +15,7 @@ void add_words(std::string_view words, std::vector<std::string>& out) {
 
 }  // namespace
 
-void refuse_unknown_keys(std::string_view section, const Value& part) {
+void refuse_unknown_keys(std::string_view section, const Value& part, const Error& error) {
   if (!part.is_table()) return;
   const Value* type = part.find(section == "surfaces" ? "shape" : "type");
   const std::string_view kind = type != nullptr ? std::string_view(type->text) : std::string_view();
@@ -23,15 +23,19 @@ void refuse_unknown_keys(std::string_view section, const Value& part) {
   for (const PartKeys& row : all_part_keys())
     if (row.section == section && (row.type.empty() || row.type == kind)) add_words(row.keys, known);
   if (known.empty()) return;
-  for (const auto& [key, value] : part.entries)
-    if (std::find(known.begin(), known.end(), key) == known.end())
-      fail(value.place, "unknown key" + suggestion(key, known));
+  for (const auto& [key, value] : part.entries) {
+    if (std::find(known.begin(), known.end(), key) != known.end()) continue;
+    const std::string own = value.place.text() + ": ";
+    const std::string_view said = error.what();
+    if (said.starts_with(own) && !said.substr(own.size()).starts_with("unknown key")) return;
+    fail(value.place, "unknown key" + suggestion(key, known));
+  }
 }
 
-void refuse_unknown_sections(const Value& root) {
-  refuse_unknown_keys("", root);
+void refuse_unknown_sections(const Value& root, const Error& error) {
+  refuse_unknown_keys("", root, error);
   for (const char* section : {"integrator", "statics", "initial", "harmonic", "output"})
-    if (const Value* table = root.find(section); table != nullptr) refuse_unknown_keys(section, *table);
+    if (const Value* table = root.find(section); table != nullptr) refuse_unknown_keys(section, *table, error);
 }
 
 }  // namespace espalier::dynamics::model
