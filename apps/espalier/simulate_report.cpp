@@ -61,6 +61,7 @@ std::string simulate_summary(const SimulationSummary& s) {
   std::string text = fmt::format("{}\n", toned(Tone::strong, s.title));
   Table table("<<");
   table.add({"system", simulate_headline(s)});
+  if (!s.units.empty()) table.add({"units", s.units});
   for (const std::string& notice : s.redundant) table.add({"redundant", notice});
   for (const std::string& notice : s.notices) table.add({"notice", notice});
   constexpr std::size_t kMostShown = 20;
@@ -144,6 +145,7 @@ nlohmann::ordered_json to_json(const SimulationSummary& s, const std::string& mo
   j["exit_code"] = exit_code;
   j["model"] = model;
   j["title"] = s.title;
+  if (!s.units.empty()) j["units"] = s.units;
   j["system"] = {{"bodies", s.bodies},           {"joints", s.joints},
                  {"forces", s.forces},           {"velocities", s.velocities},
                  {"constraints", s.constraints}, {"degrees_of_freedom", s.degrees_of_freedom},

@@ -33,6 +33,7 @@ SECTIONS = (
     ("[inputs], [sensors], [events]", "read_events.cpp", "read_events", (), (("The text", "at the top"),)),
     ("[splines]", "read_splines.cpp", "read_splines", (), (("The text", "at the top"),)),
     ("[materials.NAME]", "read_bodies.cpp", "read_material", (), (("", "material"),)),
+    ("", "read_bodies.cpp", "check_material", (), ()),
     ("[bodies.NAME]", "read_bodies.cpp", "read", (), (("Bodies", ""),)),
     ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
     ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
@@ -63,6 +64,7 @@ SECTIONS = (
     ("[markers.NAME] and frames", "read_joints.cpp", "read_marker", (), (("Markers", "key"),)),
     ("How a face is held", "read_joints.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
     ("Where a marker is", "read_joints.cpp", "read_where", (), (("Markers", "key"),)),
+    ("", "read_joints.cpp", "read_nodes", (), (("Markers", "key"),)),
     ("Axes of a marker", "read_joints.cpp", "read_axes", (), (("Markers", "key"),)),
     ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
     ("[supports]", "read_supports.cpp", "read_supports", (), (("The text", "at the top"),)),
@@ -124,7 +126,7 @@ class Key:
 
 def body_of(text, name):
     """(offset, text) of the body of the function or class called `name`."""
-    start = rf"\b{name}\b(?: final)?" if " " in name else rf"\b{name}\([^;{{}}]*\)(?: const)?"
+    start = rf"\b{name}\b(?: final)?" if " " in name else rf"\b{name}\([^;{{}}]*\)(?: const| try)?"
     for m in re.finditer(start + r"\s*\{", text):
         at = m.end() - 1
         depth, k, quoted = 0, at, False
@@ -333,8 +335,35 @@ def mentioned(key, text):
     return re.search(rf"`[^`\n]*\b{re.escape(key)}\b[^`\n]*`|^\s*{re.escape(key)} = |[{{,] *{re.escape(key)} = ", text, re.M)
 
 
+# Sections of a model that the functions of a source read, for the rows of units/key_dimensions.cpp; "": the top.
+READS = {"read_bodies.cpp": "bodies materials", "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
+         "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
+         "read_splines.cpp": "splines", "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
+NUMBERS = ("number", "list of numbers", "list of three", "list of points", "three numbers", "rotation", "function", "expression", "time")
+
+
+def measured_keys():
+    """{section: keys} of the numbers whose dimension is known."""
+    text = (MODEL / "units/key_dimensions.cpp").read_text()
+    names = dict(re.findall(r'(k\w+) = "([^"]*)"', text))
+    found = {}
+    for tables, keys in re.findall(r'\{("[^"]*"|k\w+),\s*"[^"]*",\s*"([^"]*)",\s*"[^"]*"\}', text):
+        tables = names.get(tables, tables.strip('"'))
+        for section in tables.split(".")[0].split("|"):
+            found.setdefault(section, set()).update(keys.split())
+    return found
+
+
+def unmeasured(file, key, measured):
+    """A number that units/key_dimensions.cpp does not know."""
+    if not key.kind.startswith(NUMBERS) or key.kind == "function" or file not in READS:
+        return False
+    return not any({key.name, "*"} & measured.get(section, set()) for section in READS[file].split(" "))
+
+
 def collect():
     """(sections with their keys, complaints)."""
+    measured = measured_keys()
     fields, complaints, sections = members(), [], []
     rows = guide_rows()
     text_of_guide = "\n".join((ROOT / "docs/guide" / p).read_text() for p in GUIDE)
@@ -346,6 +375,8 @@ def collect():
         for key in keys:
             if not mentioned(key.name, text_of_guide):
                 complaints.append(f"src/dynamics/model/{file}:{key.line}: the guide says nothing of '{key.name}' ({title})")
+            if unmeasured(file, key, measured):
+                complaints.append(f"src/dynamics/model/{file}:{key.line}: '{key.name}' has no row in units/key_dimensions.cpp ({title})")
             lines.append((key, meaning_of(key.name, tables, rows)))
         sections.append((title, file, lines))
     for name, text in sources.items():

@@ -83,6 +83,7 @@ struct SimulationQuantity {
   /// where the program does not know: inputs and sensors; coordinates, rates and strengths, which are lengths or
   /// angles.
   std::string dimension;
+  std::string unit = {};  ///< "m/s"; empty where the model does not state its units, or there is no dimension
 };
 
 /// Chosen quantities at the beginning and at the ends of steps.
@@ -221,6 +222,7 @@ struct SimulationSummary {
   bool interrupted = false;  ///< the observer stopped it
   std::string stopped_by;    ///< the event that ended the run; empty: none
   std::string title;
+  std::string units;   ///< of all numbers: "SI", "mm-t-s", ..., as the model states; empty: it does not
   std::string method;  ///< "bdf", "generalized-alpha", "statics", "linear statics" or "harmonic"
 
   // The system

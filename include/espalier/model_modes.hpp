@@ -27,7 +27,8 @@ struct ModelModesResult {
 /// equilibrium of `[initial] statics` or `[statics]`, which rotates where `[initial] rotation` says so. No motion is
 /// run.
 /// @param number  path of a number of the model's text: "initial.rotation.speed" is the one of a Campbell diagram,
-///   "parameters.speed" one of the model's own
+///   "parameters.speed" one of the model's own; "":
+///   none, and one value that is not read
 /// @param count  of modes; 0: as many as the model says
 ModelModesResult model_modes(const std::string& path, const std::string& number, const std::vector<double>& values,
                              int count = 0, const SimulationOptions& options = {});

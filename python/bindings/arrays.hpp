@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "bindings.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::python {
@@ -17,7 +18,9 @@ namespace espalier::python {
 namespace nb = nanobind;
 
 /// Code, message, row.
-inline nb::tuple status_of(const Status& s) { return nb::make_tuple(static_cast<int>(s.code), s.message, s.row); }
+inline nb::tuple status_of(const Status& s) {
+  return nb::make_tuple(static_cast<int>(s.code), python_words(s.message), s.row);
+}
 
 /// An array of NumPy that owns the numbers.
 template <class T>

@@ -4,12 +4,18 @@
 
 #include <nanobind/nanobind.h>
 
+#include <string>
+
 namespace espalier::python {
+
+/// A message of the library with Python's names of calls and options: "Solver.factorize", not "Solver::refactorize".
+std::string python_words(std::string message);
 
 void bind_solver(nanobind::module_& m);
 void bind_rank_solver(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 void bind_dae(nanobind::module_& m);
+void bind_model_text(nanobind::module_& m);
 void bind_modes(nanobind::module_& m);
 void bind_harmonic(nanobind::module_& m);
 void bind_changes(nanobind::module_& m);

@@ -107,7 +107,7 @@ void bind_harmonic(nb::module_& m) {
       array("loads"), "columns"_a, "options"_a, "solver"_a, "log"_a.none());
   m.def(
       "model_harmonic",
-      [](const std::string& text, bool is_path, std::vector<std::string> set, std::string out,
+      [](const std::string& text, const std::string& name, std::vector<std::string> set, std::string out,
          std::vector<std::pair<std::string, std::string>> solver) {
         SimulationOptions o;
         o.set = std::move(set);
@@ -118,16 +118,16 @@ void bind_harmonic(nb::module_& m) {
         ModelHarmonicResult r;
         {
           const nb::gil_scoped_release released;
-          r = is_path ? model_harmonic(text, o) : model_harmonic_of_text(text, "model", o);
+          r = model_harmonic_of_text(text, name, o);
         }
         if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
         return nb::make_tuple(status_of(r.status), fields(r.response), r.quantities, r.loads, r.notices);
       },
-      "text"_a, "is_path"_a, "set"_a, "out"_a, "solver"_a);
+      "text"_a, "name"_a, "set"_a, "out"_a, "solver"_a);
   m.def(
       "model_modes",
-      [](const std::string& text, bool is_path, const std::string& number, const std::vector<double>& values, int count,
-         std::vector<std::string> set, std::vector<std::pair<std::string, std::string>> solver) {
+      [](const std::string& text, const std::string& name, const std::string& number, const std::vector<double>& values,
+         int count, std::vector<std::string> set, std::vector<std::pair<std::string, std::string>> solver) {
         SimulationOptions o;
         o.set = std::move(set);
         o.solver = std::move(solver);
@@ -136,8 +136,7 @@ void bind_harmonic(nb::module_& m) {
         ModelModesResult r;
         {
           const nb::gil_scoped_release released;
-          r = is_path ? model_modes(text, number, values, count, o)
-                      : model_modes_of_text(text, "model", number, values, count, o);
+          r = model_modes_of_text(text, name, number, values, count, o);
         }
         if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
         nb::list rows, notices;
@@ -151,7 +150,7 @@ void bind_harmonic(nb::module_& m) {
         }
         return nb::make_tuple(status_of(r.status), rows, notices);
       },
-      "text"_a, "is_path"_a, "number"_a, "values"_a, "count"_a, "set"_a, "solver"_a);
+      "text"_a, "name"_a, "number"_a, "values"_a, "count"_a, "set"_a, "solver"_a);
 }
 
 }  // namespace espalier::python

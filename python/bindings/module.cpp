@@ -1,13 +1,35 @@
 #include <new>
 #include <stdexcept>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "bindings.hpp"
 #include "espalier/types.hpp"
 
-// An Error that leaves C++ becomes espalier.Error by its status: _errors.py sets the function that makes one. What the
-// library says of a wrong call begins with the name of the call ("Solver::clone: ..."), as Python writes it.
+// An Error that leaves C++ becomes espalier.Error by its status: _errors.py sets the function that makes one.
+namespace espalier::python {
+
+std::string python_words(std::string message) {
+  static constexpr std::pair<const char*, const char*> kNames[] = {
+      {"ComplexSolver::", "Solver::"},
+      {"Solver::refactorize_device", "Solver.factorize"},
+      {"Solver::refactorize", "Solver.factorize"},
+      {"Solver::solve_device", "Solver.solve"},
+      {"Solver::condition_estimate", "Solver.condition"},
+      {"SensitivityParameter::step", "parameters={path: step}"},
+      {"or SimulationOptions", "or in quantities=[...]"},
+      {"DaeOptions::", ""},
+      {"Options::", ""},
+      {"::", "."}};
+  for (const auto& [ours, theirs] : kNames)
+    for (std::size_t at = message.find(ours); at != std::string::npos; at = message.find(ours, at))
+      message.replace(at, std::string_view(ours).size(), theirs);
+  return message;
+}
+
+}  // namespace espalier::python
+
 namespace {
 
 nanobind::object& maker() {
@@ -15,9 +37,8 @@ nanobind::object& maker() {
   return *the_maker;
 }
 
-void set_error(PyObject* type, std::string text) {
-  for (std::size_t at = text.find("::"); at != std::string::npos; at = text.find("::", at)) text.replace(at, 2, ".");
-  PyErr_SetString(type, text.c_str());
+void set_error(PyObject* type, const char* text) {
+  PyErr_SetString(type, espalier::python::python_words(text).c_str());
 }
 
 }  // namespace
@@ -32,7 +53,8 @@ NB_MODULE(_core, m) {
       std::rethrow_exception(p);
     } catch (const espalier::Error& e) {
       const espalier::Status& s = e.status();
-      const nb::object error = maker()(static_cast<int>(s.code), s.message.c_str(), s.row);
+      const nb::object error =
+          maker()(static_cast<int>(s.code), espalier::python::python_words(s.message).c_str(), s.row);
       PyErr_SetObject(reinterpret_cast<PyObject*>(Py_TYPE(error.ptr())), error.ptr());
     } catch (const std::bad_alloc&) {
       set_error(PyExc_MemoryError, "out of memory: use a smaller system or a machine with more memory");
@@ -48,6 +70,7 @@ NB_MODULE(_core, m) {
   espalier::python::bind_rank_solver(m);
   espalier::python::bind_simulation(m);
   espalier::python::bind_dae(m);
+  espalier::python::bind_model_text(m);
   espalier::python::bind_modes(m);
   espalier::python::bind_harmonic(m);
   espalier::python::bind_changes(m);

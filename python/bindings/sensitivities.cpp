@@ -28,6 +28,7 @@ nb::tuple fields(SensitivityResult r) {
   if (!r.status.ok()) return nb::make_tuple(status, nb::none());
   const std::size_t steps = r.t.size(), nq = r.quantities.size(), np = r.parameters.size();
   const std::size_t modes = r.modes.frequencies.size();
+  for (std::string& notice : r.summary.notices) notice = python_words(std::move(notice));
   return nb::make_tuple(status,
                         nb::make_tuple(r.parameters, array_of(std::move(r.parameter_values), {np}), r.quantities,
                                        array_of(std::move(r.t), {steps}), array_of(std::move(r.values), {steps, nq}),
@@ -68,8 +69,9 @@ SensitivityObjective told(const nb::object& objective) {
 void bind_sensitivities(nb::module_& m) {
   m.def(
       "sensitivities",
-      [](const std::string& text, bool is_path, const std::vector<std::pair<std::string, double>>& parameters,
-         std::vector<std::string> set, std::optional<double> until, std::vector<std::string> quantities,
+      [](const std::string& text, const std::string& name,
+         const std::vector<std::pair<std::string, double>>& parameters, std::vector<std::string> set,
+         std::optional<double> until, std::vector<std::string> quantities,
          std::vector<std::pair<std::string, std::string>> solver, const std::string& method,
          const nb::object& objective) {
         SimulationOptions o;
@@ -85,16 +87,14 @@ void bind_sensitivities(nb::module_& m) {
         {
           const nb::gil_scoped_release released;
           if (!objective.is_none())
-            result = is_path ? objective_gradient(text, list, told(objective), o)
-                             : objective_gradient_of_text(text, "model", list, told(objective), o);
+            result = objective_gradient_of_text(text, name, list, told(objective), o);
           else
-            result = is_path ? sensitivities(text, list, o, method_named(method))
-                             : sensitivities_of_text(text, "model", list, o, method_named(method));
+            result = sensitivities_of_text(text, name, list, o, method_named(method));
         }
         if (Host::raised) std::rethrow_exception(std::exchange(Host::raised, nullptr));
         return fields(std::move(result));
       },
-      "text"_a, "is_path"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a, "method"_a,
+      "text"_a, "name"_a, "parameters"_a, "set"_a, "until"_a.none(), "quantities"_a, "solver"_a, "method"_a,
       "objective"_a.none());
 }
 

@@ -47,8 +47,8 @@ class SimulationHandle {
     simulation_ = std::make_unique<Simulation>(std::move(o));
   }
 
-  Status load(const std::string& text, const std::string& name, bool is_path) {
-    return turns_.call([&] { return is_path ? simulation_->load(text) : simulation_->load_text(text, name); });
+  Status load(const std::string& text, const std::string& name) {
+    return turns_.call([&] { return simulation_->load_text(text, name); });
   }
   Status run(const nb::object& observer) {
     return turns_.call([&] { return simulation_->run(told(observer)); });
@@ -112,10 +112,10 @@ void bind_simulation(nb::module_& m) {
       .def("page", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.page(); }); })
       .def(
           "load",
-          [](SimulationHandle& s, const std::string& text, const std::string& name, bool is_path) {
-            return status_of(s.load(text, name, is_path));
+          [](SimulationHandle& s, const std::string& text, const std::string& name) {
+            return status_of(s.load(text, name));
           },
-          "text"_a, "name"_a, "is_path"_a)
+          "text"_a, "name"_a)
       .def(
           "run", [](SimulationHandle& s, const nb::object& observer) { return status_of(s.run(observer)); },
           "observer"_a.none())
@@ -164,6 +164,13 @@ void bind_simulation(nb::module_& m) {
              nb::dict d;
              for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
                d[q.name.c_str()] = q.dimension;
+             return d;
+           })
+      .def("units",
+           [](SimulationHandle& s) {
+             nb::dict d;
+             for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
+               if (!q.unit.empty()) d[q.name.c_str()] = q.unit;
              return d;
            })
       .def("series",

@@ -179,6 +179,7 @@ nb::dict summary_dict(const SimulationSummary& s) {
   d["status"] = s.interrupted ? "interrupted" : std::string(solver::name_of(s.status.code));
   d["message"] = s.status.message;
   d["title"] = s.title;
+  if (!s.units.empty()) d["units"] = s.units;
   d["system"] = dict_of({{"bodies", value_of(s.bodies)},
                          {"joints", value_of(s.joints)},
                          {"forces", value_of(s.forces)},

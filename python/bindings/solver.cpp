@@ -103,6 +103,11 @@ void bind_solver(nb::module_& m) {
       .def_prop_ro("dtype", &Exported::dtype)
       .def_prop_ro("shape", [](const Exported& e) { return e.all(&nb::ndarray<>::shape); })
       .def_prop_ro("strides", [](const Exported& e) { return e.all(&nb::ndarray<>::stride); });
+  m.def("option_names", [] {
+    nb::list names;
+    for (const std::string_view name : solver::option_keys()) names.append(std::string(name));
+    return names;
+  });
   m.def("transposed_text", [](const std::string& message) { return solver::transposed_text(message); });
   nb::class_<SolverHandle>(m, "Solver", nb::dynamic_attr())
       .def(nb::init<>())

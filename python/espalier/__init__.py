@@ -7,6 +7,7 @@ from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
 from ._harmonic import Harmonic, ModelHarmonic, harmonic
+from ._model import Model
 from ._modes import Modes, QuadraticModes, buckling_modes, modes, quadratic_modes
 from ._pictures import Cells, Frame
 from ._progress import Progress
@@ -14,7 +15,7 @@ from ._result import Result, Summary
 from ._results import Analysis, Change, Factor, Inertia, Solve
 from ._scene import SurfaceFrame
 from ._sensitivities import Derivatives, derivatives, objective_gradient
-from ._simulation import Model, Simulation, Step, sweep
+from ._simulation import Simulation, Step, sweep
 from ._solver import Solver, solve
 from . import examples as examples
 

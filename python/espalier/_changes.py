@@ -3,12 +3,20 @@
 import logging
 import warnings
 from dataclasses import dataclass
-from typing import Any, Iterable
+from typing import TYPE_CHECKING, Any, Iterable
 
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._results import Inertia, Solve, _Table
-from ._solver import _STORAGE, Solver, _arrays, _finite, _indices, _numbers
+from ._matrices import _arrays, _indices, _numbers
+from ._solver import _STORAGE, Solver, _finite
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions
 
 
 def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
@@ -59,7 +67,7 @@ class SchurComplement:
     """
 
     def __init__(self, A: Any, unknowns: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                 **options: Any) -> None:
+                 **options: "Unpack[SolverOptions]") -> None:
         self._symmetry = symmetry
         self.unknowns = _indices(unknowns, "unknowns", 2**31 - 1, "int32")
         self._core = _core.SchurComplement(_checks.options(options), _checks.lines_of(log))
@@ -85,8 +93,11 @@ class SchurComplement:
         if status[0]:
             raise make_error(*status)
 
+    def __repr__(self) -> str:
+        return f"<espalier.SchurComplement: {len(self.unknowns)} of {self._n} unknowns>"
+
     @property
-    def complement(self) -> Any:
+    def complement(self) -> "NDArray[np.float64]":
         """S, (size, size) float64."""
         return self._core.complement().T
 
@@ -103,12 +114,12 @@ class SchurComplement:
         _checked(status)
         return x[0] if one else x.T
 
-    def condense(self, b: Any, *, transpose: bool = False) -> Any:
+    def condense(self, b: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """g = b_s - A_sr A_rr^-1 b_r, of shape (size,) or (size, k)."""
         flat, columns, one = _columns(b, self._n, "b")
         return self._take(self._core.condense(flat, columns, bool(_checks.transposition(transpose))), one)
 
-    def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> Any:
+    def expand(self, b: Any, xs: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """x with x_r = A_rr^-1 (b_r - A_rs x_s), of the shape of b."""
         flat, columns, one = _columns(b, self._n, "b")
         of_list, same, _ = _columns(xs, len(self.unknowns), "xs")
@@ -116,7 +127,7 @@ class SchurComplement:
             raise ValueError(f"b has {columns} columns, xs has {same}")
         return self._take(self._core.expand(flat, of_list, columns, bool(_checks.transposition(transpose))), one)
 
-    def solve(self, b: Any, *, transpose: bool = False) -> Any:
+    def solve(self, b: Any, *, transpose: bool = False) -> "NDArray[np.float64]":
         """x with A x = b, by way of S. Raises SingularMatrixError where S is singular."""
         flat, columns, one = _columns(b, self._n, "b")
         return self._take(self._core.solve(flat, columns, bool(_checks.transposition(transpose))), one)
@@ -143,6 +154,9 @@ class ChangedSystem:
         self._solver, self._n = solver, solver._n
         self._core = _core.ChangedSystem(solver._core)
         self.last_solve: "Solve | None" = None
+
+    def __repr__(self) -> str:
+        return f"<espalier.ChangedSystem: {len(self)} unknowns, of {self._n} in the factor>"
 
     def reset(self) -> None:
         """Forgets all changes, and takes the factor that the solver has now."""
@@ -198,7 +212,7 @@ class ChangedSystem:
         """Takes back what remove() did."""
         _checked(self._core.restore(_indices(unknowns, "unknowns", 2**31 - 1, "int32")))
 
-    def solve(self, b: Any) -> Any:
+    def solve(self, b: Any) -> "NDArray[np.float64]":
         """x of the shape of b, (len(self),) or (len(self), k). Raises SingularMatrixError where the changed matrix is
         singular; warns AccuracyWarning."""
         flat, columns, one = _columns(b, len(self), "b")
@@ -213,15 +227,15 @@ class ChangedSystem:
         return Inertia(*self._core.inertia())
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class BatchSolve(_Table):
     """Of a batch. `x`: of the shape of b (of solve_systems: a list), NaN in systems that failed. `errors`: by number of the system, an exception each.
     `backward_errors`, `negative` (eigenvalues; -1 for lu): by system. `workers`: systems that were worked on at a time."""
 
     x: Any
     errors: "dict[int, Exception]"
-    backward_errors: Any
-    negative: Any
+    backward_errors: "NDArray[np.float64]"
+    negative: "NDArray[np.int64]"
     seconds: float
     workers: int
 
@@ -243,7 +257,7 @@ def _pair(given: Any) -> "tuple[Any, Any]":
 
 
 def solve_systems(systems: "Iterable[tuple[Any, Any]]", *, symmetry: str = "auto", transpose: bool = False, check: bool = True,
-                  log: "logging.Logger | None" = None, **options: Any) -> BatchSolve:
+                  log: "logging.Logger | None" = None, **options: "Unpack[SolverOptions]") -> BatchSolve:
     """Many small systems of patterns of their own: pairs (A, b), A as for Solver on the host, b of shape (n,) or (n, k).
     One on each thread; with device="gpu:0" (and "auto", where that is predicted to be faster) as many together as fill
     the GPU, each with an order, a scaling and a verdict of its own, and what fails there on the cores. Nothing is kept. symmetry, log, options: as for Solver, the same for all; check as for
@@ -278,13 +292,16 @@ class Batch:
     systems at a time. Solutions have the bits of single systems, whatever the number of threads.
     """
 
-    def __init__(self, A: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None, **options: Any) -> None:
+    def __init__(self, A: Any, *, symmetry: str = "auto", log: "logging.Logger | None" = None, **options: "Unpack[SolverOptions]") -> None:
         self._core = _core.Batch(_checks.options(options), _checks.lines_of(log))
         pointers, indices, values, storage, self._order = _by_columns(A, symmetry)
         self._n, self._nonzeros = len(pointers) - 1, len(indices)
         status = self._core.analyze(pointers, indices, values, storage)
         if status[0]:
             raise make_error(*status)
+
+    def __repr__(self) -> str:
+        return f"<espalier.Batch: {self._n} unknowns, {self._nonzeros} entries>"
 
     def solve(self, values: Any, b: Any, *, transpose: bool = False, check: bool = True) -> BatchSolve:
         """values: (systems, nonzeros), each in the order of the matrix's data. b: (systems, n) or (systems, n, k).

@@ -4,7 +4,10 @@ it. All raise TypeError for what is of no such kind, ValueError for what is out 
 import math
 import operator
 import os
+import sys
 from typing import Any, Callable, Iterable, Mapping
+
+from . import _core
 
 INDEX = 2**31 - 1  # the most that the solver counts rows, columns and their numbers with
 
@@ -157,8 +160,35 @@ def lines_of(log: Any) -> "Callable[[str], Any]":
     return log.debug  # type: ignore[no-any-return]
 
 
+def near(wrong: str, names: "Iterable[str]") -> str:
+    """For a message: "; did you mean 'x'?", or which there are."""
+    from difflib import get_close_matches
+
+    names = list(dict.fromkeys(names))
+    found = get_close_matches(wrong, names, 1)
+    return f"; did you mean {found[0]!r}?" if found else f"; there are {', '.join(names)}"
+
+
+def unknown_argument(wrong: str, names: "Iterable[str]") -> TypeError:
+    """What Python says of a keyword that a call does not have, with the nearest one, of `names` or of the public calls
+    that are under way: those arguments are real ones."""
+    call, known, frame = "", list(names), sys._getframe(1)
+    while frame is not None and str(frame.f_globals.get("__name__")).startswith("espalier."):
+        code = frame.f_code
+        if code.co_name == "__init__" or not code.co_name.startswith(("_", "<")) and frame.f_globals["__name__"] != __name__:
+            call = str(getattr(code, "co_qualname", code.co_name)).removesuffix(".__init__")
+            known += code.co_varnames[:code.co_argcount + code.co_kwonlyargcount]
+        frame = frame.f_back  # type: ignore[assignment]
+    known = [k for k in known if k != "self" and not k.startswith("_")]
+    return TypeError(f"{call}(): there is no argument {wrong!r}{near(wrong, known)}")
+
+
 def options(given: "Mapping[str, Any]") -> "list[tuple[str, str]]":
     """Options of the solver as the command line has them."""
+    known = _core.option_names()
+    for key in mapping(given, "solver"):
+        if key.replace("-", "_") not in known:
+            raise unknown_argument(key, known)
     return [(text(key, "the name of an option"), text(option(value, key), key)) for key, value in mapping(given, "solver").items()]
 
 

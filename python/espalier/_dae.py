@@ -1,9 +1,17 @@
 """Your own mechanical system as Python functions, integrated by the simulator's methods."""
 
-from typing import Any, Callable, Iterable
+from typing import TYPE_CHECKING, Any, Callable, Iterable
 
 from . import _checks, _core
 from ._errors import make_error
+from ._options import DaeOptions
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions
 
 _VECTORS = {"force": "coordinates", "residual": "coordinates", "constraint": "constraints",
             "constraint_rate": "constraints", "constraint_gamma": "constraints"}
@@ -98,8 +106,11 @@ class Dae:
                  constraint_rate: Any = None, constraint_gamma: Any = None, energy: Any = None,
                  constraint_names: Iterable[str] = (), tangent_pattern: "Iterable[tuple[int, int]]" = (),
                  constraint_pattern: "Iterable[tuple[int, int]]" = (), method: str = "bdf",
-                 solver: "dict[str, Any] | None" = None, **options: Any) -> None:
+                 solver: "SolverOptions | None" = None, **options: "Unpack[DaeOptions]") -> None:
         _checks.choice(method, "method", ("bdf", "generalized-alpha"))
+        for key in options:
+            if key not in DaeOptions.__annotations__:
+                raise _checks.unknown_argument(key, DaeOptions.__annotations__)
         self._coordinates = coordinates = _checks.whole(coordinates, "coordinates", 1)
         constraints = _checks.whole(constraints, "constraints", 0, _checks.INDEX - coordinates)
         given = {"mass": mass, "force": force, "residual": residual, "tangent": tangent, "constraint": constraint,
@@ -148,23 +159,26 @@ class Dae:
 
     @property
     def t(self) -> float:
+        """The present time."""
         return self._core.state()[0]
 
     @property
-    def q(self) -> Any:
-        """(n,) float64, a copy; so are the others."""
+    def q(self) -> "NDArray[np.float64]":
+        """Coordinates, (n,), a copy; so are the others."""
         return self._core.state()[1]
 
     @property
-    def v(self) -> Any:
+    def v(self) -> "NDArray[np.float64]":
+        """Their rates, (n,)."""
         return self._core.state()[2]
 
     @property
-    def a(self) -> Any:
+    def a(self) -> "NDArray[np.float64]":
+        """The rates of v, (n,)."""
         return self._core.state()[3]
 
     @property
-    def lam(self) -> Any:
+    def lam(self) -> "NDArray[np.float64]":
         """Multipliers, (m,)."""
         return self._core.state()[4]
 
@@ -178,4 +192,8 @@ class Dae:
 
     @property
     def summary(self) -> "dict[str, Any]":
+        """Counts of steps, iterations and factorizations so far, and how the start was made to fit."""
         return self._core.summary()
+
+    def __repr__(self) -> str:
+        return f"<espalier.Dae: {self._coordinates} coordinates at t = {self.t:g}>"

@@ -2,18 +2,26 @@
 
 import logging
 from dataclasses import dataclass
-from typing import Any, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._progress import Asked, watching
-from ._results import _Table
-from ._solver import _STORAGE, _arrays, _numbers
+from ._results import _Table, table
+from ._matrices import _arrays, _numbers, not_sparse
+from ._solver import _STORAGE
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions
 
 _SINGULAR, _INACCURATE = 3, 7
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Harmonic(_Table):
     """The answer to loads Re(f e^{i w t}), w = 2 pi frequency. P frequencies, O observed numbers, L loads (no such axis
     where one load was given as a vector): `frequencies` (P,) rising, those asked for and, with a tolerance, those solved
@@ -25,14 +33,14 @@ class Harmonic(_Table):
     all, `completeness` says how, or why not; `checked_error`: the largest error of the interpolation at the last solves
     that were held back. `factorizations`: frequencies that were solved."""
 
-    frequencies: Any
-    response: Any
-    solved: Any
-    backward_errors: Any
-    error_estimates: Any
-    shape_frequencies: Any
-    shapes: Any
-    resonances: Any
+    frequencies: "NDArray[np.float64]"
+    response: "NDArray[np.complex128]"
+    solved: "NDArray[np.bool_]"
+    backward_errors: "NDArray[np.float64]"
+    error_estimates: "NDArray[np.float64]"
+    shape_frequencies: "NDArray[np.float64]"
+    shapes: "NDArray[np.complex128]"
+    resonances: "NDArray[np.float64]"
     complete: bool
     completeness: str
     checked_error: float
@@ -40,12 +48,14 @@ class Harmonic(_Table):
     seconds: "dict[str, float]"
 
     @property
-    def amplitudes(self) -> Any:
+    def amplitudes(self) -> "NDArray[np.float64]":
         """|response|."""
-        return abs(self.response)
+        import numpy as np
+
+        return np.abs(self.response)
 
     @property
-    def phases(self) -> Any:
+    def phases(self) -> "NDArray[np.float64]":
         """Of the response in degrees, from -180 to 180."""
         import numpy as np
 
@@ -54,8 +64,27 @@ class Harmonic(_Table):
     def __len__(self) -> int:
         return len(self.frequencies)
 
+    def _outputs(self) -> "list[tuple[str, ...]]":
+        """A name for each number of a response, those of the loads last."""
+        outputs, *loads = self.response.shape[1:]
+        names: "list[tuple[str, ...]]" = [(str(k),) for k in range(outputs)]
+        return [(*n, str(load)) for n in names for load in range(loads[0])] if loads else names
 
-@dataclass(frozen=True)
+    def __repr__(self) -> str:
+        import numpy as np
+
+        names = self._outputs()
+        amplitudes = self.amplitudes.reshape(len(self), len(names))
+        at = [int(np.nanargmax(a)) if np.isfinite(a).any() else 0 for a in amplitudes.T[:20]]
+        rows = [(*name, float(amplitudes[k, i]), float(self.frequencies[k])) for i, (name, k) in enumerate(zip(names, at))]
+        rows += [names[0]] * (len(names) - len(rows))  # counted, not shown
+        heads = ("response", "load")[:len(names[0])] if names else ()
+        lowest, highest = (self.frequencies[0], self.frequencies[-1]) if len(self) else (0.0, 0.0)
+        return table(f"{type(self).__name__}: {len(self)} frequencies from {lowest:.6g} to {highest:.6g}, {int(self.solved.sum())} solved",
+                     (*heads, "largest amplitude", "at frequency"), rows)
+
+
+@dataclass(frozen=True, repr=False)
 class ModelHarmonic(Harmonic):
     """Of a model: O `quantities` and L `loads` by name; `response` is (P, O, L). `shapes`: increments of the velocity
     coordinates, then multipliers. `notices`: what is worth knowing."""
@@ -64,7 +93,13 @@ class ModelHarmonic(Harmonic):
     loads: "list[str]"
     notices: "list[str]"
 
-    def __getitem__(self, name: "str | tuple[str, str]") -> Any:
+    def _outputs(self) -> "list[tuple[str, ...]]":
+        return [(q, load) for q in self.quantities for load in self.loads]
+
+    def __repr__(self) -> str:
+        return "\n  ".join([super().__repr__()[:-1], *(f"notice: {text}" for text in self.notices)]) + ">"
+
+    def __getitem__(self, name: "str | tuple[str, str]") -> "NDArray[np.complex128]":
         """One quantity, or (quantity, load): complex, (P,) for one load, else (P, L)."""
         quantity, load = name if isinstance(name, tuple) else (name, None)
         for wanted, known in ((quantity, self.quantities), (load, self.loads)):
@@ -76,7 +111,11 @@ class ModelHarmonic(Harmonic):
         return column[:, 0] if len(self.loads) == 1 else column
 
 
-def _told(status: "tuple[int, str, int]", raw: "tuple[Any, ...]", stacklevel: int) -> None:
+def _fail(status: "tuple[int, str, int]") -> None:
+    raise make_error(*status)
+
+
+def _told(status: "tuple[int, str, int]", raw: "tuple[Any, ...]", stacklevel: int, fail: "Callable[..., None]" = _fail) -> None:
     """Raises, or warns where there are some numbers."""
     import warnings
 
@@ -85,7 +124,7 @@ def _told(status: "tuple[int, str, int]", raw: "tuple[Any, ...]", stacklevel: in
     if status[0] in (_INACCURATE, _SINGULAR) and np.isfinite(raw[1]).any():
         warnings.warn(AccuracyWarning(status[1]), stacklevel=stacklevel)
     elif status[0] != 0:
-        raise make_error(*status)
+        fail(status)
 
 
 def _fields(raw: "tuple[Any, ...]", one: bool) -> "list[Any]":
@@ -104,7 +143,7 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
              between: "tuple[float, float] | None" = None, points: int = 101, logarithmic: bool = False,
              tolerance: float = 0.0, max_solves: int = 1000, seek_resonances: bool = True, loss_factor: float = 0.0,
              observed: "Iterable[int] | None" = None, shapes_at: Any = None, symmetry: str = "auto",
-             log: "logging.Logger | None" = None, progress: Asked = "auto", **solver: Any) -> Harmonic:
+             log: "logging.Logger | None" = None, progress: Asked = "auto", **solver: "Unpack[SolverOptions]") -> Harmonic:
     """Solves (K (1 + i loss_factor) + i w C - w^2 M) x = f for frequencies w / (2 pi), in cycles per unit of time.
 
     K, C, M: real, of one shape, of scipy.sparse, symmetric or not; C None: no viscous damping. Rows of constraints,
@@ -134,7 +173,7 @@ def harmonic(K: Any, M: Any, loads: Any, *, C: Any = None, frequencies: Any = No
     arrays = []
     for name, a in (("K", K), ("C", M if C is None else C), ("M", M)):
         if not hasattr(a, "tocsc"):
-            raise TypeError(f"{name} is a {type(a).__name__}: give a sparse matrix of scipy.sparse")
+            raise not_sparse(a, name)
         pointers, indices, values, _ = _arrays(a.tocsc())
         if values is None:
             raise ValueError(f"{name} has no values, only a pattern")
@@ -183,9 +222,9 @@ def model_harmonic(model: Any, keys: "Mapping[str, Any]", set: "Mapping[str, Any
 
     keys = {k: _amplitudes(v) if k == "loads" else v for k, v in keys.items()}
     given = {**set, **{f"harmonic.{k}": v for k, v in keys.items()}}
+    options = _checks.options(solver)
     with watching(progress, "frequency response"):
         status, raw, quantities, loads, notices = _core.model_harmonic(
-            model._path if model._path is not None else model.text, model._path is not None,
-            [f"{k}={_value(v, k)}" for k, v in given.items()], out, _checks.options(solver))
-    _told(status, raw, 4)
+            model.text, model._name, [f"{k}={_value(v, k)}" for k, v in given.items()], out, options)
+    _told(status, raw, 4, model._raise)
     return ModelHarmonic(*_fields(raw, False), quantities, loads, notices)

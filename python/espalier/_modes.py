@@ -3,16 +3,24 @@
 import logging
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any, Mapping
 
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._progress import Asked, watching
-from ._results import _Table
-from ._solver import _STORAGE, _arrays
+from ._results import _Table, table
+from ._matrices import _arrays, not_sparse
+from ._solver import _STORAGE
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Modes(_Table):
     """Of a pencil. Vectors are the columns of `vectors`, (n, count), orthonormal in the inner product of M (buckling: of K).
 
@@ -21,10 +29,10 @@ class Modes(_Table):
     missing; `completeness` says how, or why not. `counts`: pairs of a number and how many eigenvalues lie below it.
     """
 
-    eigenvalues: Any
-    vectors: Any
-    residuals: Any
-    error_bounds: Any
+    eigenvalues: "NDArray[np.float64]"
+    vectors: "NDArray[np.float64]"
+    residuals: "NDArray[np.float64]"
+    error_bounds: "NDArray[np.float64]"
     orthogonality: float
     complete: bool
     completeness: str
@@ -38,7 +46,7 @@ class Modes(_Table):
     seconds: "dict[str, float]"
 
     @property
-    def frequencies(self) -> Any:
+    def frequencies(self) -> "NDArray[np.float64]":
         """sqrt(l) / (2 pi) of each mode of vibration; NaN where l is negative."""
         import numpy as np
 
@@ -48,9 +56,15 @@ class Modes(_Table):
     def __len__(self) -> int:
         return len(self.eigenvalues)
 
+    def __repr__(self) -> str:
+        rows = ((k + 1, *map(float, row)) for k, row in
+                enumerate(zip(self.eigenvalues, self.frequencies, self.residuals, self.error_bounds)))
+        return table(f"Modes: {len(self)} of {len(self.vectors)} unknowns, {'complete' if self.complete else 'not proven to be complete'}",
+                     ("mode", "eigenvalue", "frequency", "residual", "error bound"), rows)
+
 
 def _search(K: Any, M: Any, symmetry: str, buckling: bool, log: "logging.Logger | None", progress: Asked,
-            given: "dict[str, Any]", solver: "dict[str, Any]") -> Modes:
+            given: "dict[str, Any]", solver: "Mapping[str, Any]") -> Modes:
     import warnings
 
     _checks.choice(symmetry, "symmetry", ("auto", "symmetric", "lower", "upper"))
@@ -95,7 +109,7 @@ def _options(count: "int | None", below: "float | None", shift: "float | None", 
 def modes(K: Any, M: Any, count: "int | None" = None, *, below: "float | None" = None, shift: "float | None" = None,
           tolerance: float = 1e-10, prove: bool = True, check_mass: bool = True, block_size: int = 0, basis_size: int = 0,
           seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None, progress: Asked = "auto",
-          **solver: Any) -> Modes:
+          **solver: "Unpack[SolverOptions]") -> Modes:
     """The lowest eigenvalues of K x = l M x with their vectors: `count` of them, or all below `below`, or the fewer of both.
 
     K: symmetric, of scipy.sparse or (indptr, indices, data), also singular (free bodies) or with rows of constraints
@@ -113,40 +127,46 @@ def modes(K: Any, M: Any, count: "int | None" = None, *, below: "float | None" =
 
 def buckling_modes(K: Any, Kg: Any, count: int, *, tolerance: float = 1e-10, prove: bool = True, block_size: int = 0,
                    basis_size: int = 0, seed: int = 1, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                   progress: Asked = "auto", **solver: Any) -> Modes:
+                   progress: Asked = "auto", **solver: "Unpack[SolverOptions]") -> Modes:
     """The smallest positive l of K x = l Kg x (where a program has K + l Kgeo: Kg = -Kgeo). K: symmetric positive definite, but
     for rows of constraints; Kg: symmetric. Arguments and exceptions as for modes(); vectors have x' K x = 1."""
     return _search(K, Kg, symmetry, True, log, progress,
                    _options(count, None, None, tolerance, prove, True, block_size, basis_size, seed), solver)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class QuadraticModes(_Table):
     """Of (l^2 M + l C + K) x = 0: complex eigenvalues by distance from the shift, one of each conjugate pair; vectors are the
     columns of `vectors`, (n, count), of norm 1. `residuals`: ||Q(l) x||_2 / ((|l|^2 ||M|| + |l| ||C|| + ||K||) ||x||_2)."""
 
-    eigenvalues: Any
-    vectors: Any
-    residuals: Any
+    eigenvalues: "NDArray[np.complex128]"
+    vectors: "NDArray[np.complex128]"
+    residuals: "NDArray[np.float64]"
     shift: float
     solved_columns: int
 
     @property
-    def frequencies(self) -> Any:
+    def frequencies(self) -> "NDArray[np.float64]":
         """|Im l| / (2 pi)."""
         return abs(self.eigenvalues.imag) / (2 * math.pi)
 
     @property
-    def damping_ratios(self) -> Any:
+    def damping_ratios(self) -> "NDArray[np.float64]":
         """-Re l / |l|."""
         return -self.eigenvalues.real / abs(self.eigenvalues)
 
     def __len__(self) -> int:
         return len(self.eigenvalues)
 
+    def __repr__(self) -> str:
+        rows = ((k + 1, f"{v:.6g}", float(f), float(d), float(r)) for k, (v, f, d, r) in
+                enumerate(zip(self.eigenvalues, self.frequencies, self.damping_ratios, self.residuals)))
+        return table(f"QuadraticModes: {len(self)} of {len(self.vectors)} unknowns",
+                     ("mode", "eigenvalue", "frequency", "damping ratio", "residual"), rows)
+
 
 def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | None" = None, tolerance: float = 1e-10,
-                    basis_size: int = 0, progress: Asked = "auto", **solver: Any) -> QuadraticModes:
+                    basis_size: int = 0, progress: Asked = "auto", **solver: "Unpack[SolverOptions]") -> QuadraticModes:
     """The few eigenvalues of (l^2 M + l C + K) x = 0 nearest to a real shift (None: a little below zero, for the slowest
     motions): damping, gyroscopic and circulatory terms, rows of constraints [K G'; G 0]. K, C, M: real, of one shape, all
     entries stored, of scipy.sparse. Nothing proves that none was missed; up to 150 rows all are computed, and fewer than
@@ -157,7 +177,7 @@ def quadratic_modes(K: Any, C: Any, M: Any, count: int = 6, *, shift: "float | N
     arrays = []
     for name, a in (("K", K), ("C", C), ("M", M)):
         if not hasattr(a, "tocsc"):
-            raise TypeError(f"{name} is a {type(a).__name__}: give a sparse matrix of scipy.sparse")
+            raise not_sparse(a, name)
         pointers, indices, values, _ = _arrays(a.tocsc())
         if values is None:
             raise ValueError(f"{name} has no values, only a pattern")

@@ -1,9 +1,13 @@
 """Bodies as meshes of PyVista, which is imported by the first call that needs it."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ._scene import Scene, SurfaceFrame
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 
 class Frame(NamedTuple):
@@ -11,23 +15,29 @@ class Frame(NamedTuple):
     the middle of solid elements, 0 elsewhere. In the units of the model."""
 
     t: float
-    points: Any
-    displacement: Any
-    velocity: Any
-    von_mises: Any
+    points: "NDArray[np.float64]"
+    displacement: "NDArray[np.float64]"
+    velocity: "NDArray[np.float64]"
+    von_mises: "NDArray[np.float64]"
+
+    def __repr__(self) -> str:
+        return f"<espalier.Frame at t = {self.t:g}: {len(self.points)} points>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Cells:
     """What the bodies are made of: flexible ones of their meshes, rigid ones are boxes; of a page, triangles of their surfaces. types: VTK's numbers of the shapes,
     (cells,) uint8; cell k has the points connectivity[offsets[k]:offsets[k + 1]], int64; body: (cells,) int32, which of
     `bodies` it belongs to."""
 
-    types: Any
-    offsets: Any
-    connectivity: Any
-    body: Any
+    types: "NDArray[np.uint8]"
+    offsets: "NDArray[np.int64]"
+    connectivity: "NDArray[np.int64]"
+    body: "NDArray[np.int32]"
     bodies: "list[str]"
+
+    def __repr__(self) -> str:
+        return f"<espalier.Cells: {len(self.types)} of {', '.join(self.bodies)}>"
 
 
 def _pyvista() -> Any:

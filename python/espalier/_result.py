@@ -3,12 +3,16 @@
 import os
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Callable, Iterator
+from typing import TYPE_CHECKING, Any, Callable, Iterator
 
 from . import _checks
 from ._page import Shown, write_page
 from ._pictures import Cells, Frame, grid, surface_cells
 from ._scene import Frames, Scene
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 _FLAT = {"method": "integrator", "t_begin": "time", "t_end": "time", "stopped_by": "events", "critical": "statics", "modes": "initial",
          "statics_residual": "statics", "statics_backward_error": "statics"}
@@ -60,9 +64,9 @@ class Result:
     A mapping of its names to their columns: result["bob.position.x"], `in`, len(), keys(), items(), dict(result); vectors
     are known by their names, too: result["bob.position"] is (rows, 3)."""
 
-    t: Any
+    t: "NDArray[np.float64]"
     names: "list[str]"
-    values: Any
+    values: "NDArray[np.float64]"
     summary: Summary
     dimensions: "dict[str, str]" = field(default_factory=dict)
     _kept: "tuple[Cells, tuple[Frame, ...]] | None" = field(default=None, repr=False, compare=False)
@@ -93,7 +97,7 @@ class Result:
     def _scene(self) -> Scene:
         return Scene(self.to_html())
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> "NDArray[np.float64]":
         """One quantity over time, (rows,), the three columns of a vector, (rows, 3), or its length ("pin.force.norm")."""
         import numpy as np
 
@@ -120,9 +124,18 @@ class Result:
         return True
 
     def keys(self) -> "list[str]":
+        """The names of the quantities."""
         return list(self.names)
 
-    def items(self) -> "list[tuple[str, Any]]":
+    def get(self, name: str, otherwise: Any = None) -> Any:
+        """result[name], or something else where the name is not known."""
+        try:
+            return self[name]
+        except KeyError:
+            return otherwise
+
+    def items(self) -> "list[tuple[str, NDArray[np.float64]]]":
+        """Pairs of a name and its column, (rows,)."""
         return [(name, self.values[:, k]) for k, name in enumerate(self.names)]
 
     def to_pandas(self) -> Any:

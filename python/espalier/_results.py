@@ -1,14 +1,40 @@
 """What calls found out, one dataclass per call. Times in seconds, memory in bytes, indices from 0."""
 
 from dataclasses import dataclass, fields
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, Iterable, NamedTuple
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+def brief(value: Any) -> str:
+    """repr() of what is small, else kind and size."""
+    if getattr(value, "size", 0) > 6:
+        return f"<{value.dtype} {value.shape}>"
+    if isinstance(value, (list, tuple, dict)) and len(value) > 8:
+        return f"<{type(value).__name__} of {len(value)}>"
+    return " ".join((str(value) if hasattr(value, "dtype") else repr(value)).split())
+
+
+def table(head: str, names: "Iterable[str]", rows: "Iterable[Iterable[Any]]", most: int = 20) -> str:
+    """A head and rows of numbers below their names; of many rows the first ones."""
+    cells = [[v if isinstance(v, str) else str(v) if isinstance(v, int) else f"{v:.6g}" for v in row] for row in rows]
+    shown = [list(names), *cells[:most]]
+    widths = [max(len(row[k]) for row in shown) for k in range(len(shown[0]))]
+    lines = ["  ".join(v.rjust(w) for v, w in zip(row, widths)) for row in shown]
+    more = [f"... and {len(cells) - most} more"] if len(cells) > most else []
+    return "\n  ".join([f"<espalier.{head}", *(lines if cells else []), *more]) + ">"
 
 
 class _Table:
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{f.name}={brief(getattr(self, f.name))}' for f in fields(self))})"  # type: ignore[arg-type]
+
     def _repr_html_(self) -> str:
         from html import escape
 
-        rows = "".join(f"<tr><th>{f.name}</th><td>{escape(repr(getattr(self, f.name)))}</td></tr>"
+        rows = "".join(f"<tr><th>{f.name}</th><td>{escape(brief(getattr(self, f.name)))}</td></tr>"
                        for f in fields(self))  # type: ignore[arg-type]
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
 
@@ -21,7 +47,7 @@ class Inertia(NamedTuple):
     zero: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Analysis(_Table):
     """Of a pattern. `kind`: llt, ldlt or lu; `flops` and `nonzeros_factor` of one factorization."""
 
@@ -40,7 +66,7 @@ class Analysis(_Table):
     device: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Change(_Table):
     """Of Solver.analyze_change(). `full`: all was ordered anew, `why` says for what reason. Entries as they are stored."""
 
@@ -53,7 +79,7 @@ class Change(_Table):
     kept_fronts: int
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Factor(_Table):
     """Of a factorization. `null_vectors`: (n - rank, n) float64 (complex128), rows v with A v = 0, the largest number of each 1 in
     magnitude, or None for a regular matrix (and where they are many, unless `singular="null_vectors"` asks for them); `left_null_vectors`: likewise w with A^T w = 0, of a Hermitian matrix the conjugates;
@@ -73,11 +99,11 @@ class Factor(_Table):
     device: str
     dependent_rows: "list[int]"
     dependent_columns: "list[int]"
-    null_vectors: Any
-    left_null_vectors: Any
+    null_vectors: "NDArray[np.float64] | NDArray[np.complex128] | None"
+    left_null_vectors: "NDArray[np.float64] | NDArray[np.complex128] | None"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Solve(_Table):
     """Of a solve: errors are the largest over all right-hand sides."""
 

@@ -4,8 +4,12 @@ import json
 import re
 from base64 import b64decode
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 from zlib import decompress
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
 
 FIELDS = {"von_mises": "von Mises stress, force/length²", "principal": "principal stress, force/length²", "strain": "principal strain, 1",
           "displacement": "displacement, length", "deformation": "deformation, length", "velocity": "velocity, length/time"}
@@ -17,11 +21,14 @@ class SurfaceFrame(NamedTuple):
     magnitude): (points,), means at the nodes, NaN where there is none. In the units of the model."""
 
     t: float
-    points: Any
-    displacement: Any
-    speed: Any
-    von_mises: Any
-    principal: Any
+    points: "NDArray[np.floating[Any]]"
+    displacement: "NDArray[np.floating[Any]]"
+    speed: "NDArray[np.floating[Any]]"
+    von_mises: "NDArray[np.floating[Any]]"
+    principal: "NDArray[np.floating[Any]]"
+
+    def __repr__(self) -> str:
+        return f"<espalier.SurfaceFrame at t = {self.t:g}: {len(self.points)} points>"
 
 
 class Body(NamedTuple):

@@ -2,15 +2,23 @@
 
 import warnings
 from dataclasses import dataclass
-from typing import Any, Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Literal, Mapping
 
 from . import _checks, _core
 from ._errors import make_error
+from ._results import table
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions
 
 Parameters = "Iterable[str] | Mapping[str, float]"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Derivatives:
     """Quantities of a run and their derivatives. parameters: P paths of the model text, with their present values (P,);
     names: Q quantities; t: (T,) start and ends of steps, of statics the last load factor alone, of the adjoint method the
@@ -21,18 +29,18 @@ class Derivatives:
     derivatives had to say, for people."""
 
     parameters: "list[str]"
-    parameter_values: Any
+    parameter_values: "NDArray[np.float64]"
     names: "list[str]"
-    t: Any
-    values: Any
-    derivatives: Any
-    frequencies: Any
-    frequency_derivatives: Any
+    t: "NDArray[np.float64]"
+    values: "NDArray[np.float64]"
+    derivatives: "NDArray[np.float64]"
+    frequencies: "NDArray[np.float64]"
+    frequency_derivatives: "NDArray[np.float64]"
     defect: float
     adjoint: bool = False
     notices: "tuple[str, ...]" = ()
 
-    def __getitem__(self, name: str) -> Any:
+    def __getitem__(self, name: str) -> "NDArray[np.float64]":
         """Derivatives of one quantity over time, (T, P)."""
         return self.derivatives[:, self.names.index(name), :]
 
@@ -40,14 +48,21 @@ class Derivatives:
         """Of a quantity at the end."""
         return float(self.values[-1, self.names.index(name)])
 
-    def gradient(self, name: str) -> Any:
+    def __repr__(self) -> str:
+        rows = [(name, float(self.values[-1, k]), *map(float, self.derivatives[-1, k, :6])) for k, name in enumerate(self.names)]
+        more = f", of {len(self.parameters)} parameters the first six" if len(self.parameters) > 6 else ""
+        text = table(f"Derivatives{' (adjoint)' if self.adjoint else ''} at t = {self.t[-1]:.6g}, defect {self.defect:.2g}{more}",
+                     ("quantity", "value", *(f"by {p}" for p in self.parameters[:6])), rows)
+        return "\n  ".join([text[:-1], *(f"notice: {n}" for n in self.notices)]) + ">"
+
+    def gradient(self, name: str) -> "NDArray[np.float64]":
         """Of a quantity at the end, (P,)."""
         return self.derivatives[-1, self.names.index(name), :].copy()
 
 
 def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *,
                 set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
-                method: str = "auto", **solver: Any) -> Derivatives:
+                method: 'Literal["auto", "forward", "adjoint"]' = "auto", **solver: "Unpack[SolverOptions]") -> Derivatives:
     """Runs a model (as for Simulation) and differentiates its quantities, those of `quantities` and of its [output], by
     parameters: paths of numbers in its text ("parameters.length", "forces.spring.stiffness"), with a mapping also the
     step to both sides at which the equations are looked at (0: 5e-6 of the value). set: values to be replaced first.
@@ -62,7 +77,7 @@ def derivatives(model: Any, parameters: "Iterable[str] | Mapping[str, float]", *
 def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float, Any]]",
                        parameters: "Iterable[str] | Mapping[str, float]", *, set: "Mapping[str, Any] | None" = None,
                        until: "float | None" = None, quantities: Iterable[str] = (),
-                       **solver: Any) -> "tuple[float, Any]":
+                       **solver: "Unpack[SolverOptions]") -> "tuple[float, NDArray[np.float64]]":
     """A number that a whole run comes to, and its gradient by parameters, (P,), by the adjoint method: at the cost of one
     quantity, however many parameters and times there are. objective(t, values) is called after the run (and, where the model
     switches, after each run that checks the gradient) with t (T,), start and ends of steps, and values (T, Q); it returns
@@ -71,7 +86,7 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
 
     import numpy as np
 
-    from ._solver import _numbers
+    from ._matrices import _numbers
 
     _checks.function(objective, "objective")
 
@@ -91,7 +106,7 @@ def objective_gradient(model: Any, objective: "Callable[[Any, Any], tuple[float,
 def _run(model: Any, parameters: "Iterable[str] | Mapping[str, float]", set: "Mapping[str, Any] | None",
          until: "float | None", quantities: Iterable[str], method: str, objective: Any,
          solver: "Mapping[str, Any]") -> Derivatives:
-    from ._simulation import model_of
+    from ._model import model_of
     from ._toml import _value
 
     if isinstance(parameters, Mapping):
@@ -99,13 +114,13 @@ def _run(model: Any, parameters: "Iterable[str] | Mapping[str, float]", set: "Ma
     else:
         steps = {p: 0.0 for p in _checks.texts(parameters, "parameters")}
     model = model_of(model)
+    options = _checks.options(solver)
     status, found = _core.sensitivities(
-        model._path if model._path is not None else model.text, model._path is not None, list(steps.items()),
+        model.text, model._name, list(steps.items()),
         [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()],
         None if until is None else _checks.real(until, "until"), _checks.texts(quantities, "quantities"),
-        _checks.options(solver), _checks.choice(method, "method", ("auto", "forward", "adjoint")), objective)
-    if status[0]:
-        raise make_error(*status)
+        options, _checks.choice(method, "method", ("auto", "forward", "adjoint")), objective)
+    model._raise(status)
     *fields, notices = found
     for notice in notices:
         if notice.startswith("derivatives:"):

@@ -1,15 +1,18 @@
-"""The simulator: models, runs, and motions that a program steps through."""
+"""The simulator: runs, and motions that a program steps through."""
 
 import os
-from typing import Any, Callable, Iterable, Mapping, NamedTuple
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping, NamedTuple
 
 from . import _checks, _core
-from ._errors import make_error
-from ._page import Shown
+from ._model import Model, _settings, model_of
 from ._pictures import Cells, Frame, grid
 from ._progress import UNWATCHED, Asked, Bar, wanted, watching
 from ._result import Result, Summary
-from ._toml import toml_of
+
+if TYPE_CHECKING:
+    from typing_extensions import Unpack
+
+    from ._options import SolverOptions, SweepOptions
 
 
 class Step(NamedTuple):
@@ -44,169 +47,6 @@ def _told_of(observer: "Observer | None") -> "Callable[[Any], Any] | None":
     return lambda step: call(Step(*step))
 
 
-class Model:
-    """A model as a tree of keys and values, those of docs/guide/simulate.md.
-
-    Model.load(path) reads a text; Model(dictionary) takes the same keys from Python; body(), joint() and so on add named
-    parts. Nothing is checked before a run.
-    """
-
-    def __init__(self, tree: "Mapping[str, Any] | None" = None, **keys: Any) -> None:
-        """tree, keys: at the top (gravity=[0, 0, -9.81], integrator={"end": 1})."""
-        self.tree: "dict[str, Any]" = {**_checks.mapping(tree, "tree"), **keys}
-        self._text: "str | None" = None
-        self._path: "str | None" = None
-
-    @classmethod
-    def load(cls, path: "str | os.PathLike[str]") -> "Model":
-        """Of a model file, which is read by every run; mesh files are looked for beside it."""
-        model = cls()
-        model._path = _checks.path(path, "path")
-        return model
-
-    @classmethod
-    def from_text(cls, text: str) -> "Model":
-        """Of a model text; mesh files are looked for in the current folder."""
-        model = cls()
-        model._text = _checks.text(text, "text")
-        return model
-
-    @property
-    def text(self) -> str:
-        """As TOML."""
-        if self._path is not None:
-            with open(self._path, encoding="utf-8") as f:
-                return f.read()
-        return toml_of(self.tree) if self._text is None else self._text
-
-    def _add(self, section: str, name: str, keys: "dict[str, Any]") -> str:
-        if self._path is not None or self._text is not None:
-            raise TypeError("parts are added to a model of Python's, Model(); a text is changed by set={'path': value}")
-        parts = self.tree[section] = dict(_checks.mapping(self.tree.get(section), section))
-        if name in parts:
-            raise ValueError(f"{section}.{name} is there already")
-        parts[name] = keys
-        return name
-
-    def body(self, name: str, /, type: str = "rigid", **keys: Any) -> str:
-        """Adds [bodies.NAME] and returns the name; so do the others."""
-        return self._add("bodies", name, {"type": type, **keys})
-
-    def joint(self, name: str, /, type: str, **keys: Any) -> str:
-        return self._add("joints", name, {"type": type, **keys})
-
-    def force(self, name: str, /, type: str, **keys: Any) -> str:
-        return self._add("forces", name, {"type": type, **keys})
-
-    def support(self, name: str, /, body: str, **keys: Any) -> str:
-        """Nodes of a flexible body that are held or led: hold="all", symmetry="x", motion={"z": 1e-3}."""
-        return self._add("supports", name, {"body": body, **keys})
-
-    def marker(self, name: str, /, **keys: Any) -> str:
-        return self._add("markers", name, keys)
-
-    def material(self, name: str, /, **keys: Any) -> str:
-        return self._add("materials", name, keys)
-
-    def sensor(self, name: str, /, value: Any) -> str:
-        return self._add("sensors", name, value)
-
-    def input(self, name: str, /, value: float = 0.0) -> str:
-        return self._add("inputs", name, value)  # type: ignore[arg-type]
-
-    def event(self, name: str, /, when: str, **keys: Any) -> str:
-        return self._add("events", name, {"when": when, **keys})
-
-    def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: Asked = "auto",
-            **options: Any) -> "Result":
-        """Simulation(model, until=until, **options).run(observer, progress). To go on after Ctrl-C, make the Simulation
-        yourself."""
-        return Simulation(self, until=until, **options).run(observer, progress=progress)
-
-    def show(self, *, height: int = 640, **options: Any) -> Shown:
-        """The assembled model before it runs, with its joints, as a page: in a notebook in the cell, else in a browser.
-        options: those of Simulation."""
-        return Simulation(self, **{**options, "out": ""}).result().show(height=height)
-
-    def derivatives(self, parameters: "Iterable[str] | Mapping[str, float]", **options: Any) -> Any:
-        """espalier.derivatives(model, parameters, **options): a run with the derivatives of its quantities."""
-        from ._sensitivities import derivatives
-
-        return derivatives(self, parameters, **options)
-
-    def gradient(self, quantity: "str | Callable[[Any, Any], tuple[float, Any]]",
-                 parameters: "Iterable[str] | Mapping[str, float]", **options: Any) -> "tuple[float, Any]":
-        """A quantity at the end of a run and its gradient by parameters, (P,): what scipy.optimize.minimize takes with
-        jac=True. options: those of espalier.derivatives(), set={path: value} among them. A function takes the place of
-        the quantity where the number comes from the whole run: espalier.objective_gradient(model, function, ...)."""
-        if callable(quantity):
-            from ._sensitivities import objective_gradient
-
-            return objective_gradient(self, quantity, parameters, **options)
-        found = self.derivatives(parameters, quantities=[quantity], **options)
-        return found.value(quantity), found.gradient(quantity)
-
-    def harmonic(self, *, loads: Any = None, quantities: "Iterable[str]" = (), frequencies: Any = None,
-                 between: "tuple[float, float] | None" = None, points: "int | None" = None,
-                 logarithmic: "bool | None" = None, tolerance: "float | None" = None,
-                 loss_factor: "float | None" = None, max_solves: "int | None" = None, shapes_at: Any = None,
-                 set: "Mapping[str, Any] | None" = None, out: "str | os.PathLike[str]" = "",
-                 progress: Asked = "auto", **solver: Any) -> Any:
-        """The frequency response of the model, linearised where it starts, in its equilibrium with [initial] statics or
-        [statics]: an espalier.ModelHarmonic. What is given here stands instead of the same keys of its section
-        [harmonic], which may be absent: loads, names of forces, motors or inputs, or a dictionary of load cases,
-        {"turning": {"x": 1, "y": -1j}}, with real or complex amplitudes; quantities, names; frequencies, rising, or
-        between, (lowest, highest), with points; the rest as for espalier.harmonic(). set, out and solver: as for
-        Simulation. Nothing moves. Raises what a Simulation raises; warns with AccuracyWarning where some frequencies lie
-        on a resonance without damping (NaN), or the tolerance was not reached."""
-        from ._harmonic import model_harmonic
-
-        low, high = (None, None) if between is None else _checks.interval(between, "between")
-        keys = {"loads": loads, "quantities": _checks.texts(quantities, "quantities") or None,
-                "frequencies": frequencies, "from": low, "to": high, "points": points, "logarithmic": logarithmic,
-                "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
-        return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
-                              _checks.path(out, "out"), progress, solver)
-
-    def modes_over(self, number: str, values: "Iterable[float]", count: int = 0, *,
-                   set: "Mapping[str, Any] | None" = None, progress: Asked = "auto", **solver: Any) -> Any:
-        """Modes for each value of a number of the model, about its start: at rest, in the equilibrium of [initial]
-        statics or [statics], or about its steady motion. number: a path, "parameters.speed"; "initial.rotation.speed"
-        makes a Campbell diagram, and changes the parameter that stands there, if one does. count: of modes; 0: as many
-        as [initial] modes says, or 6. Returns a NumPy array with the fields value, mode, frequency, damping_ratio,
-        growth, whirl and standing_frequency (docs/use/modes.md), a row for each mode. set and solver: as for Simulation.
-        Raises what a Simulation raises. Nothing moves."""
-        import numpy as np
-
-        from . import _core
-        from ._errors import make_error
-        from ._toml import _value
-
-        names = ("value", "mode", "frequency", "damping_ratio", "growth", "whirl", "standing_frequency")
-        with watching(progress, "seeking modes"):
-            status, rows, _ = _core.model_modes(
-                self._path if self._path is not None else self.text, self._path is not None,
-                _checks.text(number, "number"), _checks.reals(values, "values"), _checks.whole(count, "count"),
-                [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.options(solver))
-        if status[0] != 0:
-            raise make_error(*status)
-        return np.array(rows, dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names])
-
-    def __repr__(self) -> str:
-        if self._path is not None:
-            return f"<espalier.Model of {self._path}>"
-        return f"<espalier.Model: {', '.join(self.tree) if self._text is None else f'{len(self._text)} characters'}>"
-
-
-def model_of(given: "Model | Mapping[str, Any] | str | os.PathLike[str]") -> Model:
-    """A model, that of a dictionary, or that in a file."""
-    if isinstance(given, Model):
-        return given
-    if isinstance(given, Mapping):
-        return Model(given)
-    return Model.load(_checks.path(given, "model"))
-
-
 class Simulation:
     """One motion of one model, made consistent and ready to go.
 
@@ -228,34 +68,27 @@ class Simulation:
                  set: "Mapping[str, Any] | None" = None, until: "float | None" = None, quantities: Iterable[str] = (),
                  out: "str | os.PathLike[str]" = "", restart: "str | os.PathLike[str]" = "",
                  accept_changes: bool = False, analyses: "str | os.PathLike[str]" = "",
-                 frames: "float | None" = None, page: bool = True, **solver: Any) -> None:
-        from ._toml import _value
-
+                 frames: "float | None" = None, page: bool = True, **solver: "Unpack[SolverOptions]") -> None:
+        given = model_of(model)
         self._core = _core.Simulation(
-            [f"{k}={_value(v, k)}" for k, v in _checks.mapping(set, "set").items()], _checks.path(out, "out"),
+            _settings(set), _checks.path(out, "out"),
             None if until is None else _checks.real(until, "until"), _checks.path(restart, "restart"),
             _checks.flag(accept_changes, "accept_changes"), _checks.texts(quantities, "quantities"), _checks.options(solver),
             _checks.path(analyses, "analyses"), -1.0 if frames is None else _interval(frames),
             _checks.flag(page, "page"))
         self._frames = frames is not None
         self._page = page
-        model = model_of(model)
-        if model._path is not None:
-            self._check(self._core.load(model._path, "", True))
-        else:
-            self._check(self._core.load(model.text, "model", False))
-
-    @staticmethod
-    def _check(status: "tuple[int, str, int]") -> None:
-        if status[0]:
-            raise make_error(*status)
+        self._check: "Callable[[tuple[int, str, int]], None]" = given._raise  # raises what a status says
+        self._check(self._core.load(given.text, given._name))
 
     @property
     def time(self) -> float:
+        """The present time, or load factor."""
         return self._core.time()
 
     @property
     def end_time(self) -> float:
+        """Where run() ends."""
         return self._core.end_time()
 
     def run(self, observer: "Observer | None" = None, *, progress: Asked = "auto") -> Result:
@@ -333,7 +166,7 @@ class Simulation:
     def result(self) -> Result:
         """What is known so far."""
         names, t, values = self._core.series()
-        dimensions = self.quantities
+        dimensions = self._core.units() or self.quantities
         kept = (Cells(*self._core.mesh()), tuple(Frame(*f) for f in self._core.frames())) if self._frames else None
         return Result(t, names, values, Summary(self._core.summary()), {n: dimensions.get(n, "") for n in names}, kept,
                       self._core.page if self._page else None)
@@ -363,7 +196,7 @@ def _told(point: "dict[str, Any]", call: "Callable[..., Result]", *args: Any) ->
 
 
 def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "int | None" = None,
-          **options: Any) -> "list[tuple[dict[str, Any], Result]]":
+          **options: "Unpack[SweepOptions]") -> "list[tuple[dict[str, Any], Result]]":
     """Runs a model for all combinations of values, on several processes: [({"parameters.size": 1}, Result), ...] in the
     order of itertools.product. options: those of Simulation. The ordering of Newton's matrix is made once for each
     structure and shared. A run that fails raises its error, with what was set as its attribute `point`; it and Ctrl-C end
@@ -375,7 +208,12 @@ def sweep(model: Any, parameters: "Mapping[str, Iterable[Any]]", *, workers: "in
 
     from tempfile import TemporaryDirectory
 
+    own = [k for k in Simulation.__init__.__annotations__ if k not in ("model", "solver", "return")]
+    for key in options:
+        if key.replace("-", "_") not in (allowed := [*own, *_core.option_names()]):
+            raise _checks.unknown_argument(key, allowed)
     fixed = dict(_checks.mapping(options.pop("set", None), "set"))
+    model = model_of(model)
     lists = {k: _checks.items(v, f"parameters[{k!r}]") for k, v in _checks.mapping(parameters, "parameters").items()}
     points = [dict(zip(lists, values)) for values in product(*lists.values())]
     if workers is not None:

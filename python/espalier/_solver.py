@@ -3,93 +3,26 @@
 import logging
 import os
 import warnings
-from typing import Any
+from typing import TYPE_CHECKING, Any, overload
 
 from . import _checks, _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
+from ._matrices import _arrays, _floats, _indices, _numbers
+from ._operator import Inverse
 from ._progress import UNWATCHED, Asked, wanted, watching
 from ._results import Analysis, Change, Factor, Inertia, Solve
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._options import MatrixOptions, SolverOptions
 
 _core.set_error_maker(make_error)
 _STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
             "hermitian": 6}
 
 _MANY = 32  # right-hand sides that go together
-
-def _numbers(a: Any, what: str, complex_too: bool = False) -> Any:
-    """`a` as float64, or complex128 where it is complex, without a copy where it is that already."""
-    import numpy as np
-
-    if type(a) is not np.ndarray:
-        a = _plain(a, what)
-    if not a.flags.aligned:
-        a = a.copy()
-    if complex_too and a.dtype.kind == "c" and a.dtype.itemsize <= 16:
-        return a.astype(np.complex128, copy=False)
-    if a.dtype.kind not in "fiub" or a.dtype.itemsize > 8:
-        raise TypeError(f"{what}: numbers of dtype {a.dtype}; espalier computes in float64 and takes real numbers of 64 bits"
-                        " or fewer" + ("; no complex ones here" if a.dtype.kind == "c" else ", and complex ones of 128"))
-    return a.astype(np.float64, copy=False)
-
-
-def _floats(a: Any) -> Any:
-    """Complex numbers as pairs of float64, for _core; None and others as they are."""
-    return a.view("float64") if a is not None and a.dtype.kind == "c" else a
-
-
-def _plain(a: Any, what: str) -> Any:
-    """As an array of NumPy's own class."""
-    import numpy as np
-
-    if isinstance(a, np.ma.MaskedArray):
-        raise TypeError(f"{what}: a masked array, and nobody knows what stands behind the mask: give its .filled(...)")
-    if hasattr(a, "toarray"):
-        raise TypeError(f"{what}: a sparse array; it must be dense: give its .toarray()")
-    given, a = a, np.asarray(a)
-    if a.dtype.kind == "O":
-        raise TypeError(f"{what}: {type(given).__name__} is no array of numbers")
-    return a
-
-
-def _indices(a: Any, what: str, most: int, dtype: str) -> Any:
-    import numpy as np
-
-    a = np.asarray(a)
-    if a.ndim != 1 or (a.dtype.kind not in "iu" and a.size > 0):
-        raise TypeError(f"{what} must be a vector of integers, not {a.ndim}-D {a.dtype}")
-    if a.size > 0 and (int(a.min()) < 0 or int(a.max()) > most):
-        raise ValueError(f"{what} run from {a.min()} to {a.max()}; they must lie from 0 to {most}")
-    return np.require(a, dtype, "CA")
-
-
-def _arrays(a: Any, complex_too: bool = False) -> "tuple[Any, Any, Any, bool]":
-    """(indptr int64, indices int32, values float64 (complex128) or None, whether they are compressed rows)."""
-    import numpy as np
-
-    if isinstance(a, tuple):
-        if len(a) != 3:
-            raise TypeError("a matrix as a tuple is (indptr, indices, data) of compressed rows; data may be None")
-        indptr, indices, data, by_rows = np.asarray(a[0]), a[1], a[2], True
-        if indptr.ndim != 1:
-            raise TypeError(f"indptr must be a vector of integers, not {indptr.ndim}-D {indptr.dtype}")
-        n = indptr.size - 1
-    else:
-        if not hasattr(a, "tocsc"):
-            raise TypeError(f"{type(a).__name__} is no sparse matrix: give one of scipy.sparse or (indptr, indices, data)")
-        if len(a.shape) != 2 or a.shape[0] != a.shape[1]:
-            raise ValueError(f"a matrix of shape {a.shape} is not square")
-        if a.format not in ("csc", "csr"):
-            a = a.tocsc()
-        indptr, indices, data, by_rows = a.indptr, a.indices, a.data, a.format == "csr"
-        nonzeros, n = int(indptr[-1]), a.shape[0]
-        indices, data = indices[:nonzeros], data[:nonzeros]
-    if not 0 < n < 2**31:
-        raise ValueError(f"a matrix of {n} rows; there must be from 1 to 2^31 - 1")
-    if data is not None:
-        data = np.ascontiguousarray(_numbers(data, "the matrix", complex_too))
-        if data.shape != (len(indices),):
-            raise ValueError(f"data of shape {data.shape} for {len(indices)} indices")
-    return (_indices(indptr, "indptr", 2**62, "int64"), _indices(indices, "indices", n - 1, "int32"), data, by_rows)
 
 
 def _finite(values: Any) -> bool:
@@ -104,7 +37,7 @@ def _matrix_error(status: "tuple[int, str, int]", by_rows: bool, kind: str) -> E
     return transposed_error(*status) if swapped else make_error(*status)
 
 
-class Solver:
+class Solver(Inverse):
     """A direct solver for one sparse system at a time.
 
     A: scipy.sparse matrix or array of any format, or (indptr, indices, data) of compressed rows with indices from 0;
@@ -112,7 +45,7 @@ class Solver:
     symmetry: "auto" finds out from the values; "general"; "symmetric" (both triangles are stored, the upper one is not
     read); "lower", "upper" (only that triangle is stored); "hermitian", "hermitian_lower", "hermitian_upper" likewise. log: a logging.Logger, by default "espalier".
     progress: "auto" shows analyses, factorizations and solves that take longer than a second, in terminals and notebooks;
-    True, False; or a function, which is called with a Progress a few times a second in such calls of the main thread. options: those of the command line (kind, precision, device, threads, singular, ...).
+    True, False; or a function, which is called with a Progress a few times a second in such calls of the main thread. options: those of the command line (kind, precision, device, threads, singular, ...); threads=0, the default: OMP_NUM_THREADS, else all cores.
 
     The values of A (then a matrix of cupyx.scipy.sparse, a sparse tensor of torch, or a triple) may lie on an NVIDIA GPU,
     as float64; `device` is then that GPU unless it is given. The pattern is analyzed on the host.
@@ -130,7 +63,7 @@ class Solver:
     """
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
-                 permutation: Any = None, progress: Asked = "auto", **options: Any) -> None:
+                 permutation: Any = None, progress: Asked = "auto", **options: "Unpack[SolverOptions]") -> None:
         self._storage = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]
         self._core = _core.Solver()
         self._options = {"symmetry": symmetry, "log": log, "permutation": permutation,
@@ -291,6 +224,11 @@ class Solver:
         """For _watch()."""
         assert self.analysis is not None
         return "factorizing", self.analysis.predicted_seconds if before is None else before.seconds
+
+    @overload
+    def solve(self, b: "NDArray[Any]", *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ...) -> "NDArray[Any]": ...
+    @overload
+    def solve(self, b: Any, *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ...) -> Any: ...
 
     def solve(self, b: Any, *, out: Any = None, transpose: "bool | str" = False, stream: Any = None) -> Any:
         """x with A x = b, A^T x = b (transpose=True) or A^H x = b (transpose="H"): float64 of the shape of b, (n,) or (n, k);
@@ -476,7 +414,13 @@ def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None
     return solver
 
 
-def solve(A: Any, b: Any, **options: Any) -> Any:
+@overload
+def solve(A: Any, b: "NDArray[Any]", **options: "Unpack[MatrixOptions]") -> "NDArray[Any]": ...
+@overload
+def solve(A: Any, b: Any, **options: "Unpack[MatrixOptions]") -> Any: ...
+
+
+def solve(A: Any, b: Any, **options: "Unpack[MatrixOptions]") -> Any:
     """x with A x = b; A and options as for Solver, b and x as for Solver.solve()."""
     if A is None:
         raise TypeError("A is None; it must be a sparse matrix")

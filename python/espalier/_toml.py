@@ -1,5 +1,6 @@
 """Model texts from dictionaries."""
 
+import os
 from typing import Any, Mapping
 
 from . import _checks
@@ -27,9 +28,11 @@ def _value(value: Any, path: str) -> str:
         return str(value)
     if isinstance(value, float):
         return repr(value)
+    if isinstance(value, os.PathLike):
+        value = os.fspath(value)
     if isinstance(value, str):
         return _text(value, path)
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, (list, tuple, range)):
         return "[" + ", ".join(_value(v, f"{path}[{k}]") for k, v in enumerate(value)) + "]"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{_key(k)} = {_value(v, f'{path}.{k}')}" for k, v in value.items()) + "}"

@@ -8,7 +8,8 @@ from typing import Any
 from . import _checks, _core
 from ._errors import make_error
 from ._results import Analysis, Factor, Inertia, Solve
-from ._solver import _STORAGE, _floats, _indices, _numbers
+from ._matrices import _floats, _indices, _numbers
+from ._solver import _STORAGE
 
 __all__ = ["Solver", "adapter"]
 

@@ -23,18 +23,22 @@ class EspalierInverse(la.SparseFactorizationInterface):
         return rows, columns, values
 
     def Analyze(self) -> None:
+        """Called by NGSolve with the matrix."""
         symmetric = self.is_symmetric.is_true
         symmetry = "lower" if symmetric and self.is_symmetric_storage else "auto"
         self._solver = Solver(symmetry=symmetry, **options)
         self._solver.analyze(self._arrays())
 
     def Factor(self) -> None:
+        """Called by NGSolve after Analyze(), and for new values."""
         self._solver.factorize(self._arrays()[2])
 
     def Solve(self, b: Any, sol: Any) -> None:
+        """sol = A^-1 b."""
         self._apply(b, sol, False)
 
     def SolveTrans(self, b: Any, sol: Any) -> None:
+        """sol = A^-T b."""
         self._apply(b, sol, True)
 
     def _apply(self, b: Any, sol: Any, transpose: bool) -> None:

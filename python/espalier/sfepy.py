@@ -11,6 +11,8 @@ from ._solver import Solver
 
 
 class EspalierSolver(LinearSolver):
+    """SfePy's linear solver "ls.espalier"."""
+
     name = "ls.espalier"
     _parameters = [("*", "*", None, False, "Options of espalier.Solver.")]
 

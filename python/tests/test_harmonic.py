@@ -91,7 +91,7 @@ def test_refuses_what_cannot_be():
             esp.harmonic(k, m, loads, **good)
     with pytest.raises(ValueError, match="one size"):
         esp.harmonic(k, sp.eye_array(3, format="csc"), f, **good)
-    with pytest.raises(TypeError, match="K is a ndarray"):
+    with pytest.raises(TypeError, match="K is a dense array"):
         esp.harmonic(np.eye(4), m, f, **good)
 
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cctype>
 #include <charconv>
 #include <cmath>
 #include <limits>
@@ -73,7 +74,13 @@ Offset parse_budget(std::string_view key, std::string_view value) {
 }
 
 void set_device(Options& options, std::string_view key, std::string_view value) {
-  if (!is_device(std::string(value))) reject(key, value, kDeviceTexts);
+  std::string near(value);  // as others write it: cuda, cuda:1, GPU
+  std::transform(near.begin(), near.end(), near.begin(),
+                 [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  if (near.starts_with("cuda")) near.replace(0, 4, "gpu");
+  if (near == "gpu") near = "gpu:0";
+  if (!is_device(std::string(value)))
+    reject(key, value, is_device(near) ? fmt::format("'{}'; there are {}", near, kDeviceTexts) : kDeviceTexts);
   options.device = value;
 }
 

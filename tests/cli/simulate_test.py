@@ -116,6 +116,21 @@ class Simulate(Cli):
         parts = sum(value for key, value in seconds.items() if key != "total")
         self.assertAlmostEqual(parts, seconds["total"], delta=0.05 * seconds["total"] + 1e-3)
 
+    def test_units_stand_in_the_results(self):
+        folder = self.folder / "measured"
+        report = self.report(PENDULUM, "--set", "units=SI", "--set", "bodies.bob.mass=3000 g", "--set", "parameters.length=20 cm",
+                             "--set", "integrator.end=2 ms", "--out", str(folder))
+        self.assertEqual(report["units"], "SI")
+        self.assertAlmostEqual(report["energy"]["begin"]["potential"], 0)
+        self.assertAlmostEqual(report["time"]["end"], 2e-3)
+        self.assertAlmostEqual(self.rows(folder)[0]["bob.position.x"], 0.2)
+        self.assertEqual(json.loads((folder / "summary.json").read_text())["units"], "SI")
+        data = (folder / "results.vtkhdf").read_bytes()
+        self.assertIn(b"Units", data)
+        self.assertNotIn("units", self.report(PENDULUM))
+        wrong = self.report(PENDULUM, "--set", "units=SI", "--set", "bodies.bob.mass=3 mm", code=2)
+        self.assertIn("mass is expected, for instance in kg", wrong["message"])
+
     def test_statics_runs_without_an_end_and_writes_its_load_steps(self):
         text = PENDULUM.replace("[integrator]\nend = 1\n", "[statics]\nload = 2\n")
         out = self.folder / "statics"

@@ -1,10 +1,13 @@
 #!/usr/bin/env python3
 """Runs the code blocks of documentation pages.
 
-    python3 tests/docs/blocks.py docs/tutorials/*.md docs/guide/python.md
+    python3 tests/docs/blocks.py README.md docs/tutorials/*.md docs/guide/python.md
     python3 tests/docs/blocks.py --list docs/guide/*.md      what each block is, and what is not run, and why
 
-The blocks of a page are worked off in order, in a folder of their own that ends with the page:
+The blocks of a page are worked off in order, in a folder of their own that ends with the page. It looks like a clone of the
+repository after `./run`: links to the files of the repository, build/release of the build, and a `./run` that hands its words
+to the program, which is on PATH as well. /opt/espalier is a folder of the page, and where a page needs it the build is
+installed there. apt-get installs nothing: it says whether Debian has the packages.
 
     ```python         runs; names stay for the next Python block of the page
     ```{code-cell}    the same, of a notebook
@@ -14,6 +17,7 @@ The blocks of a page are worked off in order, in a folder of their own that ends
                       a file where the first line names it in a comment, "# pendulum.toml" or "// solve.cpp". Of C and C++ it
                       is compiled against the library of the build, and run when it has a main()
     ```toml           without a name: a whole model, which `espalier simulate` runs
+    indented          commands, as after "$ "
     ```output         what the block before it prints: "..." stands for anything, blanks do not count
 
 A comment before a block says more:
@@ -21,6 +25,7 @@ A comment before a block says more:
     <!-- not run: why -->               counted and printed; there must be a reason
     <!-- needs: torch, gpu -->          left out where a Python module (or a GPU, or a program) is missing, which is said
     <!-- needs: torch (page) -->        so for the whole page; also: program, library, cuda, command X, header X, host X.so
+    <!-- stopped: after 5 s -->         these commands may go on for longer: each has that long to fail, then it is ended
     <!-- raises: SingularMatrixError -->  this Python block must raise it
     <!-- around: ... @@ ... -->         C++: the block stands in the place of @@; lines of it that begin with #include go up
 
@@ -35,6 +40,7 @@ import io
 import os
 import re
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -45,7 +51,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {"toml", "csv", "c", "cpp", "cmake", "text", "python", "sh", "json", "fortran"}
-SHELL = {"console", "sh", "bash"}
+SHELL = {"console", "sh", "bash", "indented"}
 LINK = "-lhwy -lfmt -lz -lpthread"  # what a static libespalier.a needs besides
 
 
@@ -69,8 +75,10 @@ class Block:
 
 
 def blocks_of(page):
-    """The fenced blocks of a page, with the notes before them; and what the comments say of the whole page."""
+    """The blocks of a page, fenced or indented, with the notes before them; and what the comments say of the whole page."""
     lines, found, notes, whole, k = page.read_text().splitlines(), [], {}, [], 0
+    if lines[:1] == ["---"]:  # what the site reads of a notebook
+        k = lines.index("---", 1) + 1
     while k < len(lines):
         line = lines[k]
         if line.startswith("<!--"):
@@ -79,7 +87,7 @@ def blocks_of(page):
                 k += 1
                 text += "\n" + lines[k]
             inner = text[4:text.index("-->")].strip()
-            if m := re.match(r"(not run|needs|raises|around):\s*(.*)", inner, re.S):
+            if m := re.match(r"(not run|needs|raises|around|stopped):\s*(.*)", inner, re.S):
                 if m[1] == "needs" and m[2].endswith("(page)"):
                     whole += re.split(r",\s*", m[2][:-6].strip())
                 else:
@@ -94,6 +102,12 @@ def blocks_of(page):
             if not language.startswith("{"):
                 found.append(Block(page, k + 1, language, "\n".join(lines[k + 1:end]) + "\n", notes))
             notes, k = {}, end
+        elif line.startswith("    ") and not (k and lines[k - 1].strip()):
+            end = k
+            while end < len(lines) and lines[end].startswith("    "):
+                end += 1
+            found.append(Block(page, k + 1, "indented", "".join(f"{text[4:]}\n" for text in lines[k:end]), notes))
+            notes, k = {}, end - 1
         elif line.strip():
             notes = notes if line.startswith("%") else {}
         k += 1
@@ -147,6 +161,43 @@ class Failure(Exception):
     pass
 
 
+# Says whether Debian has the packages; where the lists of packages are not here, nothing.
+APT_GET = """#!/bin/bash
+known=$(apt-cache pkgnames 2>/dev/null)
+[[ -n $known ]] || exit 0
+for word; do
+  case $word in -*|install|update|build-dep) continue ;; esac
+  grep -qxF -e "$word" <<<"$known" || { echo "there is no package $word" >&2; exit 100; }
+done
+"""
+SUDO = """#!/bin/bash
+exec "$@"
+"""
+RUN = """#!/bin/bash
+[[ $# == 0 ]] || exec "${0%/*}/build/release/espalier" "$@"
+"""
+PREFIX = "/opt/espalier"
+
+
+def executable(path, text):
+    path.write_text(text)
+    path.chmod(0o755)
+
+
+def clone(folder):
+    """What a clone looks like after `./run`, in an empty folder."""
+    for entry in ROOT.iterdir():
+        if not entry.name.startswith(".") and entry.name not in ("build", "run"):
+            (folder / entry.name).symlink_to(entry)
+    (folder / "build").mkdir()
+    if binary := os.environ.get("ESPALIER_BINARY"):
+        (folder / "build/release").symlink_to(Path(binary).parent)
+    executable(folder / "run", RUN)
+    (folder / "build/commands").mkdir()
+    for name, text in (("apt-get", APT_GET), ("apt", APT_GET), ("sudo", SUDO), ("xdg-open", SUDO.replace("exec", "true"))):
+        executable(folder / "build/commands" / name, text)
+
+
 class Page:
     """Runs the blocks of one page in a folder of its own."""
 
@@ -154,6 +205,12 @@ class Page:
         self.path, self.folder = path, folder
         self.names = {"__name__": "__main__"}
         self.printed = None
+        clone(folder)
+
+    def write(self, name, text):
+        """A file of the page, in place of one of the repository that has this name."""
+        (self.folder / name).unlink(missing_ok=True)
+        (self.folder / name).write_text(text)
 
     def python(self, block):
         out = io.StringIO()
@@ -174,9 +231,47 @@ class Page:
     def environment(self):
         env = dict(os.environ)
         binary = env.get("ESPALIER_BINARY")
-        env["PATH"] = os.pathsep.join(([str(Path(binary).parent)] if binary else []) + [str(Path(sys.executable).parent), env["PATH"]])
+        env["PATH"] = os.pathsep.join([str(self.folder / "build/commands"), *([str(Path(binary).parent)] if binary else []),
+                                       str(Path(sys.executable).parent), env["PATH"]])
         env["NO_COLOR"] = "1"
+        env["BROWSER"] = "true"
         return env
+
+    def prefix(self):
+        """Where the page thinks that the library is installed."""
+        found = self.folder / "build/prefix"
+        if not found.exists():
+            build = Path(os.environ["ESPALIER_BINARY"]).parent
+            subprocess.run(["cmake", "--install", str(build), "--prefix", str(found)], check=True, stdout=subprocess.DEVNULL,
+                           timeout=300)
+        return str(found)
+
+    def begin(self, text, seconds):
+        """A command that may take longer than a test: it must not fail within some seconds."""
+        run = subprocess.Popen(["bash", "-euo", "pipefail", "-c", text], cwd=self.folder, env=self.environment(), text=True,
+                               stdout=subprocess.PIPE, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, start_new_session=True)
+        try:
+            printed, _ = run.communicate(timeout=seconds)
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)
+            run.communicate()
+        else:
+            if run.returncode != 0:
+                raise Failure(f"$ {text}\nexit code {run.returncode}\n{printed[-3000:]}")
+
+    def commands(self, block):
+        """Commands of one shell."""
+        text = block.text
+        if PREFIX in text:
+            text = text.replace(PREFIX, self.prefix())
+        if "stopped" not in block.notes:
+            return self.shell("trap 'echo \"failed: $BASH_COMMAND\"' ERR\n" + text)
+        seconds = re.fullmatch(r"after ([\d.]+) s", block.notes["stopped"].strip())
+        if not seconds:
+            raise Failure("<!-- stopped: after 5 s --> is how this is said")
+        for command in text.replace("\\\n", " ").splitlines():
+            self.begin(command, float(seconds[1]))
+        return ""
 
     def shell(self, text):
         run = subprocess.run(["bash", "-euo", "pipefail", "-c", text], cwd=self.folder, env=self.environment(),
@@ -213,7 +308,7 @@ class Page:
             text = "\n".join(include) + "\n" + head + "\n".join(rest) + tail + "\n"
         name = block.file or f"block{block.line}.{block.language}"
         source = self.folder / name
-        source.write_text(text)
+        self.write(name, text)
         program = source.with_suffix("")
         if name.endswith(".cu"):
             return self.cuda(source)
@@ -263,14 +358,16 @@ class Page:
         if block.language in ("c", "cpp") and not (block.file and block.notes.get("not run")):
             self.printed = self.compile(block)
         elif block.file:
-            (self.folder / block.file).write_text(block.text)
+            self.write(block.file, block.text)
         elif block.language == "toml" and re.search(r"^\[(integrator|statics)\]", block.text, re.M):
-            (self.folder / "model.toml").write_text(block.text)
+            self.write("model.toml", block.text)
             self.printed = self.shell("espalier simulate model.toml --quiet")
         elif block.language == "python":
             self.printed = self.python(block)
         elif block.language == "console":
             self.console(block)
+        elif block.language == "indented":
+            self.printed = self.commands(block)
         elif block.language in SHELL:
             self.printed = self.shell(block.text)
         else:

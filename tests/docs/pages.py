@@ -6,8 +6,9 @@
 - links between pages, to headings and to files of the repository lead somewhere; the README of a folder names all its pages;
 - every key that a model may have is in the guide (docs/site/model_keys.py), every option of the solver on the page of the command
   line or of the library (docs/site/option_names.py);
+- signatures of Python and tables of keys that are made from the readers of models are not stale (docs/site/model_parts.py);
 - every public name of the Python package is in its reference (docs/site/python.rst);
-- the names in the last columns of docs/coming_from/*.md are in the public headers or in the Python package;
+- the names in the last columns of docs/coming_from/*.md are in the public headers, in the Python package or in a model;
 - with the program: every option of --help is on the page of the command line, and every option there is in --help;
 - pictures of docs/images are used, and every model of models/ has one in the gallery.
 """
@@ -20,6 +21,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "docs/site"))
 import model_keys  # noqa: E402
+import model_parts  # noqa: E402
 import option_names  # noqa: E402
 
 # Made when the site is built.
@@ -97,6 +99,7 @@ def check_gallery():
 def check_keys():
     sections, wrong = model_keys.collect()
     complaints.extend(wrong)
+    complaints.extend(c for c in model_parts.stale() if c not in wrong)
     return sum(len(lines) for _, _, lines in sections)
 
 
@@ -116,7 +119,9 @@ def check_names():
     """Names of ours in the tables for those who come from elsewhere."""
     headers = "\n".join(f.read_text() for f in sorted((ROOT / "include/espalier").iterdir()))
     python = "\n".join(f.read_text() for f in sorted((ROOT / "python/espalier").glob("*.py")))
-    known = set(re.findall(r"\w+", headers + python)) | set(option_names.names()) | {"auto", "gpu", "mixed"}
+    guide = "\n".join((ROOT / "docs/guide" / f).read_text() for f in (*model_keys.GUIDE, "stresses.md"))
+    words = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`\n]+)`", guide))))  # of models, which model_keys checks
+    known = set(re.findall(r"\w+", headers + python)) | set(option_names.names()) | {"auto", "gpu", "mixed"} | words
     count = 0
     for page in sorted((ROOT / "docs/coming_from").glob("[!R]*.md")):
         for number, line in enumerate(page.read_text().splitlines(), 1):
@@ -128,7 +133,7 @@ def check_names():
                 for word in re.findall(r"[A-Za-z_]\w{2,}", re.sub(r'"[^"]*"', "", words)):
                     count += 1
                     if word not in known:
-                        complain(f"{page.relative_to(ROOT)}:{number}: '{word}' is neither in include/espalier nor in python/espalier")
+                        complain(f"{page.relative_to(ROOT)}:{number}: '{word}' is neither in include/espalier nor in python/espalier, nor a word of models")
     return count
 
 

@@ -362,8 +362,7 @@ TEST(LinearStatics, RefusesWhatItCannotMean) {
   const std::vector<Mistake> mistakes = {
       {"gravity", "gravity = [0, 0, -9.81]\n" + linear_beam(load), {"bodies.rod", "density", "gravity"}},
       {"modes", linear_beam(load) + "[initial]\nmodes = 3\n", {"density", "natural frequencies"}},
-      {"no density in a path", linear_beam(load, 1, "[statics]\n"), {"'density'", "linear = true"}},
-      {"no density in a motion", linear_beam(load, 1, "[integrator]\nend = 1\n"), {"'density'", "linear = true"}},
+      {"no density in a motion", linear_beam(load, 1, "[integrator]\nend = 1\n"), {"'density'", "only statics"}},
       {"a path", linear_beam(load, 1, kLinear + "first_step = 0.1\n"), {"first_step", "no meaning in linear statics"}},
       {"a start", linear_beam(load, 1, "[integrator]\nend = 1\n[initial]\nstatics = { linear = true }\n"), {"density"}},
       {"a number",

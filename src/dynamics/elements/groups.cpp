@@ -14,6 +14,7 @@
 #include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/elements/solid_block.hpp"
+#include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -224,6 +225,23 @@ std::vector<Index> all_if_empty(const Mesh& mesh, std::span<const Index> element
   return all;
 }
 
+/// Corners of an element that are one place, as "; its nodes 3 and 4 are one place: ..."; empty: there are none.
+std::string collapsed_corners(const Mesh& mesh, Index element) {
+  const auto nodes = mesh.element(element).first(static_cast<std::size_t>(shape_of(mesh.type(element)).corners));
+  for (std::size_t a = 0; a < nodes.size(); ++a)
+    for (std::size_t b = a + 1; b < nodes.size(); ++b)
+      if (nodes[a] == nodes[b] ||
+          mesh.nodes[static_cast<std::size_t>(nodes[a])] == mesh.nodes[static_cast<std::size_t>(nodes[b])])
+        return fmt::format("its corners {} and {} (nodes {} and {}) are one place", a + 1, b + 1,
+                           node_name(mesh, nodes[a]), node_name(mesh, nodes[b]));
+  return "";
+}
+
+/// "hexahedron" or "tetrahedron".
+const char* solid_word(ElementType type) {
+  return shape_of(type).corners == 8 ? "hexahedron" : shape_of(type).corners == 4 ? "tetrahedron" : "solid";
+}
+
 // The elements are solids that are simulated, none of them inside out.
 void check_elements(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool) {
   for (const Index e : elements)
@@ -233,11 +251,18 @@ void check_elements(const Mesh& mesh, std::span<const Index> elements, base::Thr
                               mesh.element_label(e), shape_of(mesh.type(e)).name));
   const std::vector<SmallestJacobian> found = smallest_jacobians(mesh, elements, pool);
   for (std::size_t k = 0; k < found.size(); ++k)
-    if (const double det = found[k].points; !(det > 0))
+    if (const double det = found[k].points; !(det > 0)) {
+      if (const std::string corners = collapsed_corners(mesh, elements[k]); !corners.empty())
+        throw Error(StatusCode::invalid_input,
+                    fmt::format("mesh '{}', element {} ({}) is a collapsed {}: {}; mesh that place with tet10, or with "
+                                "hexahedra of eight different corners",
+                                mesh.name, element_name(mesh, elements[k]), shape_of(mesh.type(elements[k])).name,
+                                solid_word(mesh.type(elements[k])), corners));
       throw Error(StatusCode::invalid_input,
                   fmt::format("mesh '{}', element {} ({}) is inverted or folded: smallest Jacobian determinant {:.3g} "
                               "at its integration points; check the order of its nodes and their coordinates",
-                              mesh.name, mesh.element_label(elements[k]), shape_of(mesh.type(elements[k])).name, det));
+                              mesh.name, element_name(mesh, elements[k]), shape_of(mesh.type(elements[k])).name, det));
+    }
 }
 
 }  // namespace
@@ -281,16 +306,26 @@ std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, s
 std::string corner_folds(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool) {
   const std::vector<Index> chosen = all_if_empty(mesh, elements);
   const std::vector<SmallestJacobian> found = smallest_jacobians(mesh, chosen, pool);
-  std::vector<Index> folded;
+  std::vector<Index> folded, collapsed;
   for (std::size_t k = 0; k < found.size(); ++k)
-    if (!(found[k].corners > 0)) folded.push_back(chosen[k]);
-  if (folded.empty()) return "";
-  return fmt::format(
-      "mesh '{}': {} of second order folded at a corner, the first is element {}: the Jacobian determinant is "
-      "negative there and positive at the points where stresses are integrated; stresses near these corners are "
-      "doubtful",
-      mesh.name, folded.size() == 1 ? "one element" : fmt::format("{} elements", folded.size()),
-      mesh.element_label(folded.front()));
+    if (!(found[k].corners > 0)) (collapsed_corners(mesh, chosen[k]).empty() ? folded : collapsed).push_back(chosen[k]);
+  std::string text;
+  const auto number = [](const std::vector<Index>& of) {
+    return of.size() == 1 ? "one element" : fmt::format("{} elements", of.size());
+  };
+  if (!collapsed.empty())
+    text = fmt::format(
+        "mesh '{}': {} collapsed, the first is element {}, a {}: {}; strains near such corners are doubtful", mesh.name,
+        collapsed.size() == 1 ? "one element is" : fmt::format("{} elements are", collapsed.size()),
+        element_name(mesh, collapsed.front()), solid_word(mesh.type(collapsed.front())),
+        collapsed_corners(mesh, collapsed.front()));
+  if (!folded.empty())
+    text += fmt::format(
+        "{}mesh '{}': {} of second order folded at a corner, the first is element {}: the Jacobian determinant is "
+        "negative there and positive at the points where stresses are integrated; stresses near these corners are "
+        "doubtful",
+        text.empty() ? "" : "; ", mesh.name, number(folded), element_name(mesh, folded.front()));
+  return text;
 }
 
 std::unique_ptr<ElementGroup> make_cable_group(const CableSection& section, const std::vector<Index>& nodes,

@@ -1,5 +1,7 @@
 #include "dynamics/mesh/file_elements.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace espalier::dynamics {
@@ -66,6 +68,16 @@ void FileElements::add_face_sets(Mesh& mesh) const {
       const auto found = faces.find(sorted_corners(elements_[k].list(), shape.corners));
       if (found != faces.end()) mesh.face_sets[name].push_back(found->second);
     }
+}
+
+void note_complete_kinds(Mesh& mesh, const std::map<std::string, long>& kinds) {
+  if (kinds.empty()) return;
+  std::string list;
+  for (const auto& [name, count] : kinds) list += fmt::format("{}{} {}", list.empty() ? "" : ", ", count, name);
+  mesh.notices.push_back(
+      fmt::format("{}: {} are read as elements of second order without nodes in the middle of faces and volumes "
+                  "(tri6, quad8, hex20, wedge15); those nodes are dropped",
+                  mesh.name, list));
 }
 
 void add_faces_of_surface_elements(Mesh& mesh) {

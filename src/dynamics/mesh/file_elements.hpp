@@ -39,6 +39,10 @@ class FileElements {
   std::map<std::string, std::vector<std::size_t>> sets_;
 };
 
+/// A notice for elements that have nodes in the middle of faces or of the volume, which are dropped: how many of each
+/// kind ("hex27") there are. None where there are none.
+void note_complete_kinds(Mesh& mesh, const std::map<std::string, long>& kinds);
+
 /// Adds to every node set a face set of the same name, of the outer faces all of whose nodes belong to it. Sets without
 /// such faces and names that are face sets already are passed over.
 void add_faces_of_node_sets(Mesh& mesh);

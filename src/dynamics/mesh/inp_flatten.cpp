@@ -1,12 +1,13 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
 #include <unordered_map>
 
 #include "dynamics/mesh/inp_model.hpp"
+#include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/read/inp_system.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics {
@@ -18,24 +19,10 @@ struct Labels {
   std::vector<const InpScope*> scopes;  // where sets of this name space are defined
 };
 
-/// First translated, then turned by `degrees` about the axis (Rodrigues' formula).
+/// First translated, then turned.
 Point moved(const InpInstance& i, Point p) {
   for (std::size_t d = 0; d < 3; ++d) p[d] += i.translation[d];
-  if (!i.turned) return p;
-  Point axis{}, r{};
-  for (std::size_t d = 0; d < 3; ++d) {
-    axis[d] = i.axis_to[d] - i.axis_from[d];
-    r[d] = p[d] - i.axis_from[d];
-  }
-  const double length = std::hypot(axis[0], axis[1], axis[2]), angle = i.degrees * std::numbers::pi / 180;
-  const double c = std::cos(angle), s = std::sin(angle);
-  double along = 0;
-  for (std::size_t d = 0; d < 3; ++d) along += (axis[d] /= length) * r[d];
-  for (std::size_t d = 0; d < 3; ++d) {
-    const std::size_t e = (d + 1) % 3, f = (d + 2) % 3;
-    p[d] = i.axis_from[d] + c * r[d] + s * (axis[e] * r[f] - axis[f] * r[e]) + (1 - c) * along * axis[d];
-  }
-  return p;
+  return i.turned ? turned_about(i.axis_from, i.axis_to, i.degrees, p) : p;
 }
 
 class Flattener {
@@ -55,12 +42,24 @@ class Flattener {
                   fmt::format("{}: the file has no nodes that belong to the model", model_.path));
     add_sets();
     mesh_.materials = model_.materials;
+    add_notices();
     return std::move(mesh_);
   }
 
  private:
   [[noreturn]] void fail(std::int64_t line, const std::string& message) const {
     throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", model_.path, line, message));
+  }
+
+  void add_notices() {
+    const auto note = [this](const char* what, const std::map<std::string, long>& counts) {
+      std::vector<std::string> list;
+      for (const auto& [name, count] : counts) list.push_back(fmt::format("{} ({})", name, count));
+      if (!list.empty()) mesh_.notices.push_back(fmt::format("{}: {}: {}", model_.path, what, fmt::join(list, ", ")));
+    };
+    note("elements that were passed over", model_.passed_elements);
+    note("keywords that were passed over, for a model states loads, supports and steps itself", model_.passed_keywords);
+    note("continuum shells are read as solids; they bend well with hex8 = \"shell\"", model_.solid_shells);
   }
 
   /// An instance takes one line, its part any number of nodes.
@@ -103,12 +102,18 @@ class Flattener {
   void add_instance(const InpInstance& i) {
     const auto move = [&](const Point& p) { return moved(i, p); };
     Labels& labels = space_[i.own.name];
+    const auto first_node = static_cast<Index>(mesh_.nodes.size()), first_element = mesh_.element_count();
     for (const InpScope& part : model_.parts)
       if (part.name == i.part) add_scope(part, labels, move);
     if (labels.scopes.empty() && i.own.nodes.empty())
       fail(i.line, fmt::format("instance {} refers to part {}, which is not defined", i.own.name, i.part));
     add_scope(i.own, labels, move);
     order_.push_back(i.own.name);
+    if (model_.instances.size() < 2) return;
+    for (auto n = first_node; n < static_cast<Index>(mesh_.nodes.size()); ++n)
+      mesh_.node_sets[i.own.name + kWholeInstance].push_back(n);
+    for (auto e = first_element; e < mesh_.element_count(); ++e)
+      mesh_.element_sets[i.own.name + kWholeInstance].push_back(e);
   }
 
   /// Without instances all parts share one name space with the rest of the file.
@@ -151,14 +156,23 @@ class Flattener {
   void resolve_labels(const InpMember& entry, const Labels& space, bool nodes, std::vector<Index>& out) const {
     for (std::int64_t label = entry.first;; label += entry.step) {
       const Index found = index_of(label, space, nodes);
-      if (found < 0) fail(entry.line, fmt::format("{} {} is not defined", nodes ? "node" : "element", label));
-      out.push_back(found);
+      if (found < 0 && (nodes || !was_passed_over(label, space)))
+        fail(entry.line, fmt::format("{} {} is not defined", nodes ? "node" : "element", label));
+      if (found >= 0) out.push_back(found);
       count_member(entry);
       // Without overflow, whatever the labels.
       if (static_cast<std::uint64_t>(entry.last) - static_cast<std::uint64_t>(label) <
           static_cast<std::uint64_t>(entry.step))
         return;
     }
+  }
+
+  [[nodiscard]] bool was_passed_over(std::int64_t label, const Labels& space) const {
+    const auto in = [&](const Labels& labels) {
+      return std::any_of(labels.scopes.begin(), labels.scopes.end(),
+                         [&](const InpScope* scope) { return scope->passed_over.contains(label); });
+    };
+    return in(space) || (order_.size() == 1 && in(space_.at(order_.front())));
   }
 
   /// The node or element with this label, or -1. A bare label at assembly level is unique when there is a single
@@ -194,18 +208,20 @@ class Flattener {
         for (const auto& [key, set] : nodes ? scope->node_sets : scope->element_sets) {
           std::vector<Index> members;
           for (const InpMember& entry : set.entries) resolve(entry, space, nodes, 0, members);
+          if (members.empty() && !set.entries.empty()) continue;  // of elements that were passed over
           auto& sets = nodes ? mesh_.node_sets : mesh_.element_sets;
           append(sets[spelling(nodes ? node_names_ : element_names_, set.spelling)], members);
           if (!instance.empty()) append(sets[instance + "." + set.spelling], members);
         }
       for (const auto& [key, surface] : scope->surfaces) add_surface(space, surface);
       for (const auto& [key, material] : scope->section_material)
-        mesh_.section_material[spelling(element_names_, key)] = material;
+        mesh_.section_material[spelling(element_names_, key)] = material_name(material);
     }
   }
 
   void add_surface(const Labels& space, const InpSet& surface) {
-    auto& faces = mesh_.face_sets[surface.spelling];
+    const std::string name = spelling(surface_names_, surface.spelling);
+    auto& faces = mesh_.face_sets[name];
     for (const InpMember& entry : surface.entries) {
       std::vector<Index> elements;
       resolve(entry, space, false, 0, elements);
@@ -217,7 +233,14 @@ class Flattener {
         faces.push_back({e, entry.face});
       }
     }
-    if (faces.empty()) mesh_.face_sets.erase(surface.spelling);
+    if (faces.empty()) mesh_.face_sets.erase(name);
+  }
+
+  /// A material's name as *MATERIAL spells it.
+  [[nodiscard]] const std::string& material_name(const std::string& name) const {
+    for (const MeshMaterial& m : model_.materials)
+      if (upper(m.name) == upper(name)) return m.name;
+    return name;
   }
 
   /// Names are not case-sensitive: the first spelling stays.
@@ -233,13 +256,17 @@ class Flattener {
   mutable std::size_t members_ = 0;      // of all sets
   std::map<std::string, Labels> space_;  // by upper-case instance or part; "": the file
   std::vector<std::string> order_;       // instances in order of the file
-  std::map<std::string, std::string> node_names_, element_names_;
+  std::map<std::string, std::string> node_names_, element_names_, surface_names_;
 };
 
 }  // namespace
 
 Mesh flatten_inp(const InpModel& model) { return Flattener(model).run(); }
 
-Mesh read_inp(const std::string& path) { return flatten_inp(parse_inp(path)); }
+Mesh parse_inp(std::string content, const std::string& name) {
+  return flatten_inp(parse_inp_text(std::move(content), name));
+}
+
+Mesh read_inp(const std::string& path) { return parse_inp(read_whole_file(path), path); }
 
 }  // namespace espalier::dynamics

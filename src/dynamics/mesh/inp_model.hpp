@@ -5,6 +5,7 @@
 #include <array>
 #include <cstdint>
 #include <map>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,7 @@ struct InpScope {
   std::vector<InpElement> elements;
   InpSets node_sets, element_sets, surfaces;
   std::map<std::string, std::string> section_material;  ///< upper-case element set -> material as written
+  std::set<std::int64_t> passed_over;                   ///< labels of elements that are no solids, shells, beams
 };
 
 /// An instance is its part's content plus its own, moved: first translated, then turned about an axis.
@@ -66,10 +68,12 @@ struct InpModel {
   std::vector<InpScope> parts;
   std::vector<InpInstance> instances;
   std::vector<MeshMaterial> materials;
+  /// How many: elements by their types, keywords by their names, and solids that are read from continuum shells.
+  std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
 };
 
-/// Reads the file and those that it includes.
-InpModel parse_inp(const std::string& path);
+/// Reads the text of the file `path`, and the files that it includes.
+InpModel parse_inp_text(std::string content, const std::string& path);
 /// Numbers nodes and elements and resolves sets. @throws Error naming the line of a reference that leads nowhere
 Mesh flatten_inp(const InpModel& model);
 

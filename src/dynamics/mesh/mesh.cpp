@@ -6,13 +6,14 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dynamics/mesh/names.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
 template <class Sets>
 const auto& find_set(const Sets& sets, const std::string& set, const char* kind, const std::string& mesh) {
-  const auto found = sets.find(set);
-  if (found != sets.end()) return found->second;
+  if (const auto found = find_named(sets, set); found != sets.end()) return found->second;
   std::vector<std::string> names;
   for (const auto& entry : sets) names.push_back(entry.first);
   throw Error(StatusCode::invalid_input,

@@ -3,7 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <list>
 #include <string>
+#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "dynamics/mesh/text_file.hpp"
@@ -28,8 +31,10 @@ class NastranCard {
   [[noreturn]] void fail(const std::string& message) const;
 };
 
-/// Cards of a file in their order: those between BEGIN BULK (or the first line, where there is none) and ENDDATA (or
-/// the last line). Continuation lines follow the line that they continue.
+/// Cards of a file, and of those that it includes, in their order: those between BEGIN BULK (or the first line, where
+/// there is none) and ENDDATA (or the last line). Continuation lines follow the line that they continue, or have its
+/// mark (field 10) and stand anywhere. A card "=" repeats the one before it: "=" in a field is the same, "==" all the
+/// rest, "*2" adds 2; "=(3)" makes three more with the same steps.
 class NastranCards {
  public:
   NastranCards(std::string content, const std::string& path);
@@ -42,10 +47,36 @@ class NastranCards {
     std::vector<std::string> fields;
     bool wide = false;  // fields of 16 columns: 4 a line
   };
-  bool next_line(std::string_view& text);
-  [[nodiscard]] Line split(std::string_view text) const;
+  /// A line of the bulk data that is not blank and no comment.
+  struct Place {
+    std::string_view text;
+    std::int64_t line;
+    std::size_t file;  // in files_
+  };
+  /// What of a file is left.
+  struct Rest {
+    std::string_view text;
+    std::int64_t line;  // the last one
+  };
+  void gather(std::size_t file, int depth);
+  void include(Rest& rest, std::string_view text, std::size_t file, int depth);
+  static bool next_line(Rest& rest, std::string_view& text);
+  void link_marks();
+  void append(NastranCard& card, std::size_t at);
+  void repeat(NastranCard& card);
+  [[nodiscard]] static Line split(std::string_view text);
+  [[noreturn]] void fail(const Place& place, const std::string& message) const;
 
-  LineReader reader_;
+  std::list<std::string> contents_;        // of the files: stay where they are
+  std::vector<std::string> files_, open_;  // open: those that are being read
+  bool ended_ = false, seen_begin_ = false;
+  std::vector<Place> lines_;
+  std::unordered_map<std::size_t, std::size_t> continued_by_;  // line -> a continuation that stands elsewhere
+  std::unordered_set<std::size_t> elsewhere_;                  // these continuations
+  std::size_t at_ = 0;
+  NastranCard last_;                     // for cards that repeat it
+  std::vector<std::string> increments_;  // of its fields; empty: stays
+  std::int64_t repeats_ = 0, made_ = 0;
 };
 
 }  // namespace espalier::dynamics

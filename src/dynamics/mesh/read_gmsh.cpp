@@ -58,28 +58,44 @@ class Source {
   std::string_view rest_;
 };
 
-/// Element shapes of Gmsh that are read. tet10 and hex20 count their edges in another order.
+/// Element shapes of Gmsh that are read. Those of second order count their edges in another order. Complete ones have
+/// nodes in the middle of faces and of the volume behind the others, which are dropped.
 struct GmshShape {
   int code;
   ElementType type;
+  int dropped = 0;
+  const char* complete = "";
 };
-constexpr GmshShape kGmshShapes[] = {{1, ElementType::line2},    {2, ElementType::tri3},    {3, ElementType::quad4},
-                                     {4, ElementType::tet4},     {5, ElementType::hex8},    {6, ElementType::wedge6},
-                                     {7, ElementType::pyramid5}, {8, ElementType::line3},   {9, ElementType::tri6},
-                                     {11, ElementType::tet10},   {15, ElementType::point1}, {16, ElementType::quad8},
-                                     {17, ElementType::hex20},   {18, ElementType::wedge15}};
+constexpr GmshShape kGmshShapes[] = {{1, ElementType::line2},
+                                     {2, ElementType::tri3},
+                                     {3, ElementType::quad4},
+                                     {4, ElementType::tet4},
+                                     {5, ElementType::hex8},
+                                     {6, ElementType::wedge6},
+                                     {7, ElementType::pyramid5},
+                                     {8, ElementType::line3},
+                                     {9, ElementType::tri6},
+                                     {11, ElementType::tet10},
+                                     {15, ElementType::point1},
+                                     {16, ElementType::quad8},
+                                     {17, ElementType::hex20},
+                                     {18, ElementType::wedge15},
+                                     {10, ElementType::quad8, 1, "quad9"},
+                                     {12, ElementType::hex20, 7, "hex27"},
+                                     {13, ElementType::wedge15, 3, "wedge18"}};
 // Position in Gmsh's list of our node a (Gmsh manual, "Node ordering").
 constexpr int kTet10[10] = {0, 1, 2, 3, 4, 5, 6, 7, 9, 8};
 constexpr int kHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 11, 13, 9, 16, 18, 19, 17, 10, 12, 14, 15};
 constexpr int kWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 9, 7, 12, 14, 13, 8, 10, 11};
 
-ElementType shape_from(const Source& source, std::int64_t code) {
+const GmshShape& shape_from(const Source& source, std::int64_t code) {
   for (const GmshShape& s : kGmshShapes)
-    if (s.code == code) return s.type;
-  source.fail(
-      fmt::format("element type {} of Gmsh is not read (points, lines, tri3/6, quad4/8, tet4/10, hex8/20, "
-                  "wedge6/15, pyramid5 are); save the mesh with order 1, or order 2 incomplete",
-                  code));
+    if (s.code == code) return s;
+  const char* name = code == 14 ? " (pyramid14)" : code == 19 ? " (pyramid13)" : "";
+  source.fail(fmt::format(
+      "element type {}{} of Gmsh is not read (points, lines, triangles, quadrilaterals, tetrahedra, "
+      "hexahedra, wedges of order 1 and 2, and pyramid5 are); save the mesh with order 1, or without pyramids",
+      code, name));
 }
 
 class GmshReader {
@@ -94,7 +110,9 @@ class GmshReader {
       if (line.front() != '$')
         reader_.fail(fmt::format("expected a section like $Nodes, found '{}'", line.substr(0, 40)));
       const std::string section(line.substr(1));
-      if (section == "NOD") reader_.fail("this is the old format 1; save it as version 2.2 or 4.1");
+      if (section == "NOD")
+        reader_.fail(
+            "this is MSH version 1, which is not read; save it as version 2.2 or 4.1 (gmsh FILE -save -format msh41)");
       if (version_ == 0 && section != "MeshFormat") reader_.fail("a .msh file starts with $MeshFormat");
       if (section == "MeshFormat")
         read_format();
@@ -111,6 +129,7 @@ class GmshReader {
     if (mesh_.nodes.empty()) reader_.fail("the file has no $Nodes");
     for (const auto& [element, key] : physical_) elements_.put(element, set_name(key));
     elements_.finish(mesh_);
+    note_complete_kinds(mesh_, complete_);
     return std::move(mesh_);
   }
 
@@ -122,8 +141,8 @@ class GmshReader {
     version_ = fields.real("version");
     binary_ = fields.integer("file type") == 1;
     const std::int64_t data_size = fields.integer("data size");
-    const bool known = (version_ >= 2 && version_ < 2.3) || (version_ > 4.05 && version_ < 4.2);
-    if (!known) reader_.fail(fmt::format("version {} is not read (2.0 to 2.2 and 4.1 are)", version_));
+    const bool known = (version_ >= 2 && version_ < 2.3) || (version_ >= 4 && version_ < 4.2);
+    if (!known) reader_.fail(fmt::format("version {} is not read (2.0 to 2.2, 4.0 and 4.1 are)", version_));
     if (data_size != 8) reader_.fail(fmt::format("data size {} is not read (8 is)", data_size));
     if (!binary_) return;
     std::int32_t one = 0;
@@ -152,7 +171,7 @@ class GmshReader {
     for (int dimension = 0; dimension < 4; ++dimension)
       for (std::int64_t k = 0; k < counts[static_cast<std::size_t>(dimension)]; ++k) {
         const std::int64_t tag = source.int32();
-        for (int i = 0; i < (dimension == 0 ? 3 : 6); ++i) source.real();
+        for (int i = 0; i < (dimension == 0 && !is_4_0() ? 3 : 6); ++i) source.real();
         const std::int64_t physicals = source.size();
         for (std::int64_t p = 0; p < physicals; ++p) {
           const std::int64_t physical = source.int32();
@@ -185,25 +204,37 @@ class GmshReader {
   void read_nodes4() {
     Source source(reader_, binary_);
     const std::int64_t blocks = source.size();
-    for (int i = 0; i < 3; ++i) source.size();  // number of nodes, smallest and largest tag
+    for (int i = 0; i < (is_4_0() ? 1 : 3); ++i) source.size();  // number of nodes, smallest and largest tag
     for (std::int64_t b = 0; b < blocks; ++b) {
-      const std::int64_t dimension = source.int32();
-      source.int32();  // entity
-      const std::int64_t parametric = source.int32();
+      const std::int64_t first = source.int32(), second = source.int32();  // the entity's dimension and tag
+      const std::int64_t dimension = is_4_0() ? second : first, parametric = source.int32();
+      if (is_4_0()) {  // each node's tag and place together
+        const std::int64_t count = source.count();
+        for (std::int64_t k = 0; k < count; ++k) {
+          const std::int64_t label = source.int32();
+          add_node(label, place(source, parametric != 0 ? dimension : 0));
+        }
+        continue;
+      }
       std::vector<std::int64_t> labels(static_cast<std::size_t>(source.count()));
       for (auto& label : labels) label = source.size();
-      for (const std::int64_t label : labels) {
-        Point p{};
-        for (double& x : p) x = source.real();
-        for (std::int64_t i = 0; i < (parametric != 0 ? dimension : 0); ++i) source.real();
-        add_node(label, p);
-      }
+      for (const std::int64_t label : labels) add_node(label, place(source, parametric != 0 ? dimension : 0));
     }
   }
 
+  /// Three coordinates, and so many parameters behind them, which are passed over.
+  static Point place(Source& source, std::int64_t parameters) {
+    Point p{};
+    for (double& x : p) x = source.real();
+    for (std::int64_t i = 0; i < parameters; ++i) source.real();
+    return p;
+  }
+  [[nodiscard]] bool is_4_0() const { return version_ >= 4 && version_ < 4.05; }
+
   template <class NextLabel>
-  void add_element(const Source& source, ElementType type, std::int64_t label, std::int64_t physical,
+  void add_element(const Source& source, const GmshShape& shape, std::int64_t label, std::int64_t physical,
                    const NextLabel& next) {
+    const ElementType type = shape.type;
     std::array<Index, kMaxElementNodes> file{}, nodes{};
     const int count = shape_of(type).nodes;
     for (int a = 0; a < count; ++a) {
@@ -212,6 +243,8 @@ class GmshReader {
       if (found == index_.end()) source.fail(fmt::format("element {} uses node {}, which is not defined", label, node));
       file[static_cast<std::size_t>(a)] = found->second;
     }
+    for (int a = 0; a < shape.dropped; ++a) next();
+    if (shape.dropped > 0) ++complete_[shape.complete];
     for (int a = 0; a < count; ++a) {
       const int from = type == ElementType::tet10     ? kTet10[a]
                        : type == ElementType::hex20   ? kHex20[a]
@@ -229,7 +262,7 @@ class GmshReader {
     for (std::int64_t k = 0; k < count;) {
       // ASCII: label, type, tags; binary: type, number of elements, tags, then the elements.
       std::int64_t label = binary_ ? 0 : source.int32();
-      const ElementType type = shape_from(source, source.int32());
+      const GmshShape& type = shape_from(source, source.int32());
       const std::int64_t followers = binary_ ? source.int32() : 1;
       const std::int64_t tags = source.int32();
       for (std::int64_t f = 0; f < followers; ++f, ++k) {
@@ -247,16 +280,17 @@ class GmshReader {
   void read_elements4() {
     Source source(reader_, binary_);
     const std::int64_t blocks = source.size();
-    for (int i = 0; i < 3; ++i) source.size();
+    for (int i = 0; i < (is_4_0() ? 1 : 3); ++i) source.size();
     for (std::int64_t b = 0; b < blocks; ++b) {
-      const std::int64_t dimension = source.int32(), entity = source.int32();
-      const ElementType type = shape_from(source, source.int32());
+      const std::int64_t first = source.int32(), second = source.int32();
+      const std::int64_t dimension = is_4_0() ? second : first, entity = is_4_0() ? first : second;
+      const GmshShape& type = shape_from(source, source.int32());
       const std::int64_t count = source.size();
       const auto physical = entity_physical_.find({dimension, entity});
       for (std::int64_t k = 0; k < count; ++k) {
-        const std::int64_t label = source.size();
-        add_element(source, type, label, physical == entity_physical_.end() ? 0 : physical->second,
-                    [&] { return source.size(); });
+        const auto next = [&] { return is_4_0() ? source.int32() : source.size(); };
+        const std::int64_t label = next();
+        add_element(source, type, label, physical == entity_physical_.end() ? 0 : physical->second, next);
       }
     }
   }
@@ -284,6 +318,7 @@ class GmshReader {
   std::map<Key, std::int64_t> entity_physical_;
   std::unordered_map<std::int64_t, Index> index_;
   FileElements elements_;
+  std::map<std::string, long> complete_;               // elements that lose nodes, by their kinds
   std::vector<std::pair<std::size_t, Key>> physical_;  // of the elements that belong to a group
 };
 

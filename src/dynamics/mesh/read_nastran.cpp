@@ -2,13 +2,13 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <unordered_map>
+#include <map>
 
 #include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/nastran_cards.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/read/nastran_systems.hpp"
+#include "dynamics/mesh/read/orientation.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -28,26 +28,6 @@ constexpr CardShape kCardShapes[] = {
 constexpr int kCardHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
 constexpr int kCardWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
 
-Point minus(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-Point cross(const Point& a, const Point& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-Point unit(const Point& a) {
-  const double length = std::hypot(a[0], a[1], a[2]);
-  return {a[0] / length, a[1] / length, a[2] / length};
-}
-
-/// A coordinate system in its reference system (CORD2R, CORD2C, CORD2S).
-struct System {
-  char kind = 'R';
-  std::int64_t reference = 0;
-  Point origin{}, on_z{}, in_xz{};
-  NastranCard card;
-  /// Set by resolve(): origin and axes in the basic system.
-  bool resolved = false;
-  Point at{}, x{}, y{}, z{};
-};
-
 class NastranReader {
  public:
   NastranReader(std::string content, const std::string& name) : cards_(std::move(content), name) { mesh_.name = name; }
@@ -57,9 +37,9 @@ class NastranReader {
     while (cards_.next(card)) take(card);
     if (mesh_.nodes.empty())
       throw Error(StatusCode::invalid_input, fmt::format("{}: the file has no GRID cards", mesh_.name));
-    to_basic_system();
+    systems_.resolve(mesh_);
     for (const NastranCard& element : element_cards_) add_element(element);
-    if (!places_.empty()) by_label_.insert(index_.begin(), index_.end());
+    if (!places_.empty()) by_label_.insert(systems_.nodes().begin(), systems_.nodes().end());
     for (const NastranCard& places : places_) add_places(places);
     elements_.finish(mesh_);
     add_materials();
@@ -69,17 +49,14 @@ class NastranReader {
 
  private:
   void take(const NastranCard& card) {
-    if (card.name == "GRID") return add_grid(card);
+    if (systems_.take(card, mesh_)) return;
     if (shape_of_card(card) != nullptr) return element_cards_.push_back(card);
-    if (card.name == "CORD2R" || card.name == "CORD2C" || card.name == "CORD2S") return add_system(card);
     if (card.name == "MAT1") return materials_.push_back(card);
     if (card.name == "PSOLID") {
       solids_[card.integer(0, "property")] = card.integer(1, "material");
       return;
     }
     if (card.name == "SPC" || card.name == "SPC1" || card.name == "FORCE") return places_.push_back(card);
-    if (card.name == "GRDSET" && card.integer(1, "coordinate system", 0) != 0)
-      card.fail("is not read; write the coordinate system on every GRID");
     ++passed_over_[card.name];
   }
 
@@ -89,75 +66,9 @@ class NastranReader {
     return nullptr;
   }
 
-  void add_grid(const NastranCard& card) {
-    const std::int64_t label = card.integer(0, "number");
-    if (!index_.emplace(label, static_cast<Index>(mesh_.nodes.size())).second)
-      card.fail(fmt::format("grid point {} is defined twice", label));
-    Point p{};
-    for (std::size_t i = 0; i < 3; ++i) p[i] = card.real(2 + i, "coordinate", 0);
-    mesh_.nodes.push_back(p);
-    mesh_.node_labels.push_back(label);
-    const std::int64_t system = card.integer(1, "coordinate system", 0);
-    if (system != 0) in_system_.push_back({mesh_.nodes.size() - 1, system, card.line});
-  }
-
-  void add_system(const NastranCard& card) {
-    System s;
-    s.kind = card.name.back();
-    s.reference = card.integer(1, "reference system", 0);
-    for (std::size_t i = 0; i < 3; ++i) {
-      s.origin[i] = card.real(2 + i, "point A", 0);
-      s.on_z[i] = card.real(5 + i, "point B", 0);
-      s.in_xz[i] = card.real(8 + i, "point C", 0);
-    }
-    s.card = card;
-    systems_[card.integer(0, "number")] = s;
-  }
-
-  /// System `id` with its axes in the basic system: worked out once, however many points and systems refer to it.
-  const System& resolve(std::int64_t id, std::int64_t line, int depth) {
-    const auto found = systems_.find(id);
-    if (found == systems_.end())
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{}:{}: coordinate system {} is not defined (CORD2R, CORD2C, CORD2S are read)",
-                              mesh_.name, line, id));
-    System& s = found->second;
-    if (s.resolved) return s;
-    constexpr int kDeepest = 64;
-    if (depth > kDeepest) s.card.fail("coordinate systems refer to one another in a circle, or more than 64 deep");
-    if (s.reference != 0) static_cast<void>(resolve(s.reference, s.card.line, depth + 1));
-    const auto up = [&](const Point& x) { return basic(s.reference, x, s.card.line); };
-    s.at = up(s.origin);
-    s.z = unit(minus(up(s.on_z), s.at));
-    s.y = unit(cross(s.z, minus(up(s.in_xz), s.at)));
-    s.x = cross(s.y, s.z);
-    if (!std::isfinite(s.y[0] + s.z[0])) s.card.fail("its points A, B and C lie on one line");
-    s.resolved = true;
-    return s;
-  }
-
-  /// A point of system `id` in the basic system.
-  Point basic(std::int64_t id, Point p, std::int64_t line) {
-    if (id == 0) return p;
-    const System& s = resolve(id, line, 0);
-    constexpr double kDegree = std::numbers::pi / 180;
-    if (s.kind == 'C') p = {p[0] * std::cos(p[1] * kDegree), p[0] * std::sin(p[1] * kDegree), p[2]};
-    if (s.kind == 'S') {
-      const double across = p[0] * std::sin(p[1] * kDegree);
-      p = {across * std::cos(p[2] * kDegree), across * std::sin(p[2] * kDegree), p[0] * std::cos(p[1] * kDegree)};
-    }
-    Point result{};
-    for (std::size_t i = 0; i < 3; ++i) result[i] = s.at[i] + p[0] * s.x[i] + p[1] * s.y[i] + p[2] * s.z[i];
-    return result;
-  }
-
-  void to_basic_system() {
-    for (const auto& [node, system, line] : in_system_) mesh_.nodes[node] = basic(system, mesh_.nodes[node], line);
-  }
-
   [[nodiscard]] Index grid(const NastranCard& card, std::int64_t label) const {
-    const auto found = index_.find(label);
-    if (found == index_.end()) card.fail(fmt::format("grid point {} is not defined", label));
+    const auto found = systems_.nodes().find(label);
+    if (found == systems_.nodes().end()) card.fail(fmt::format("grid point {} is not defined", label));
     return found->second;
   }
 
@@ -180,6 +91,10 @@ class NastranReader {
         card.fail(fmt::format("element {} has {} grid points, but number {} is empty; give all mid-side points or none",
                               label, given, from + 1));
       nodes[a] = grid(card, card.integer(2 + from, "grid point"));
+    }
+    if (shape_of(type).dimension == 3 && corner_volume(type, mesh_.nodes, std::span(nodes).first(count)) < 0) {
+      turn_round(type, std::span(nodes).first(count));
+      ++turned_;
     }
     const std::size_t added = elements_.add(type, label, {nodes.data(), count});
     elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
@@ -225,23 +140,22 @@ class NastranReader {
   }
 
   void add_notice() {
+    if (turned_ > 0)
+      mesh_.notices.push_back(
+          fmt::format("{}: {} solids are left-handed, as Nastran allows; their nodes are put into the other order",
+                      mesh_.name, turned_));
     if (passed_over_.empty()) return;
     std::vector<std::string> list;
     for (const auto& [name, count] : passed_over_) list.push_back(fmt::format("{} ({})", name, count));
     mesh_.notices.push_back(fmt::format("{}: cards that were passed over: {}", mesh_.name, fmt::join(list, ", ")));
   }
 
-  struct Placed {
-    std::size_t node;
-    std::int64_t system, line;
-  };
   NastranCards cards_;
   Mesh mesh_;
-  std::unordered_map<std::int64_t, Index> index_;
+  NastranSystems systems_;
+  long turned_ = 0;                         // left-handed solids
   std::map<std::int64_t, Index> by_label_;  // the same in order, for ranges
   std::size_t range_members_ = 0;           // grid points named by ranges so far
-  std::map<std::int64_t, System> systems_;
-  std::vector<Placed> in_system_;
   std::vector<NastranCard> element_cards_, places_, materials_;
   std::map<std::int64_t, std::int64_t> solids_;  // property -> material
   std::map<std::string, long> passed_over_;

@@ -2,17 +2,13 @@
 
 #include <bit>
 #include <limits>
-#include <set>
 
-#include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/read/vtk_cells.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics {
 namespace {
-
-// More different values than this are numbers, not groups.
-constexpr std::size_t kMostGroups = 256;
 
 /// Data types of the format: size of one value in bytes; long is that of 64-bit machines.
 struct DataType {
@@ -29,20 +25,6 @@ constexpr DataType kDataTypes[] = {
 constexpr DataType kInt = {"int", 4, false, true}, kFloat = {"float", 4, true, true},
                    kByte = {"unsigned_char", 1, false, false};
 
-/// Cell types (vtkCellType.h) that are read; voxel and pixel count their corners line by line.
-struct CellShape {
-  int code;
-  ElementType type;
-  bool by_lines;
-};
-constexpr CellShape kCells[] = {
-    {1, ElementType::point1, false},    {3, ElementType::line2, false},  {5, ElementType::tri3, false},
-    {8, ElementType::quad4, true},      {9, ElementType::quad4, false},  {10, ElementType::tet4, false},
-    {11, ElementType::hex8, true},      {12, ElementType::hex8, false},  {13, ElementType::wedge6, false},
-    {14, ElementType::pyramid5, false}, {21, ElementType::line3, false}, {22, ElementType::tri6, false},
-    {23, ElementType::quad8, false},    {24, ElementType::tet10, false}, {25, ElementType::hex20, false},
-    {26, ElementType::wedge15, false}};
-
 class VtkReader {
  public:
   VtkReader(std::string content, const std::string& name) : reader_(name, std::move(content)) { mesh_.name = name; }
@@ -55,7 +37,7 @@ class VtkReader {
       else if (keyword_ == "cells")
         read_cells();
       else if (keyword_ == "cell_types")
-        types_ = integers(count("number of cell types"), kInt);
+        grid_.types = integers(count("number of cell types"), kInt);
       else if (keyword_ == "cell_data" || keyword_ == "point_data")
         begin_data();
       else if (keyword_ == "metadata")
@@ -209,16 +191,16 @@ class VtkReader {
     cells_line_ = reader_.line();
     if (offsets_) return read_cells_by_offsets(n, size);
     const std::vector<std::int64_t> list = integers(size, kInt);
-    start_ = {0};
-    connectivity_.clear();
+    grid_.start = {0};
+    grid_.connectivity.clear();
     std::size_t at = 0;
     for (std::size_t k = 0; k < n; ++k) {
       if (at >= size || list[at] < 0 || static_cast<std::size_t>(list[at]) > size - at - 1)
         reader_.fail(fmt::format("cell {} goes beyond the size {} of the list in CELLS", k, size));
       const auto first = list.begin() + static_cast<std::ptrdiff_t>(at) + 1;
-      connectivity_.insert(connectivity_.end(), first, first + list[at]);
+      grid_.connectivity.insert(grid_.connectivity.end(), first, first + list[at]);
       at += static_cast<std::size_t>(list[at]) + 1;
-      start_.push_back(static_cast<std::int64_t>(connectivity_.size()));
+      grid_.start.push_back(static_cast<std::int64_t>(grid_.connectivity.size()));
     }
     if (at != size) reader_.fail(fmt::format("CELLS announces a list of {} numbers, its cells take {}", size, at));
   }
@@ -226,13 +208,13 @@ class VtkReader {
   /// Version 5: OFFSETS (n numbers, one more than cells) and CONNECTIVITY, each with its type.
   void read_cells_by_offsets(std::size_t n, std::size_t size) {
     if (!next_keyword() || keyword_ != "offsets") reader_.fail("CELLS of version 5 needs OFFSETS");
-    start_ = integers(n, type());
+    grid_.start = integers(n, type());
     if (!next_keyword() || keyword_ != "connectivity") reader_.fail("CELLS of version 5 needs CONNECTIVITY");
-    connectivity_ = integers(size, type());
+    grid_.connectivity = integers(size, type());
     for (std::size_t k = 0; k < n; ++k)
-      if (start_[k] < (k == 0 ? 0 : start_[k - 1]) || start_[k] > static_cast<std::int64_t>(size))
+      if (grid_.start[k] < (k == 0 ? 0 : grid_.start[k - 1]) || grid_.start[k] > static_cast<std::int64_t>(size))
         reader_.fail(fmt::format("OFFSETS: entry {} is {}, below its predecessor or beyond the {} of CONNECTIVITY", k,
-                                 start_[k], size));
+                                 grid_.start[k], size));
   }
 
   // Attributes: integers of one component become sets, all else is passed over.
@@ -301,75 +283,16 @@ class VtkReader {
   void read_array(const std::string& name, std::size_t components, std::size_t tuples, const DataType& t) {
     if (t.real || components != 1 || tuples_ == 0 || tuples != tuples_) return skip_array(components, tuples, t);
     std::vector<std::int64_t> values = integers(length(1, tuples), t);
-    groups_.push_back({name, of_cells_, std::move(values)});
+    grid_.data.push_back({name, of_cells_, std::move(values)});
   }
 
   // ---
 
   void make_elements() {
-    const std::size_t cells = start_.empty() ? 0 : start_.size() - 1;
-    if (types_.size() != cells)
-      reader_.fail(fmt::format("CELLS has {} cells, CELL_TYPES has {}; both are needed", cells, types_.size()));
-    for (std::size_t k = 0; k < cells; ++k) add_cell(k);
-    for (const Group& group : groups_) add_sets(group);
-    elements_.finish(mesh_);
-  }
-
-  [[noreturn]] void fail_cell(std::size_t cell, const std::string& message) const {
-    throw Error(StatusCode::invalid_input,
-                fmt::format("{}:{}: cell {} {}", reader_.path(), cells_line_, cell, message));
-  }
-
-  void add_cell(std::size_t k) {
-    const CellShape* shape = nullptr;
-    for (const CellShape& c : kCells)
-      if (c.code == types_[k]) shape = &c;
-    if (shape == nullptr)
-      fail_cell(k, fmt::format("is of VTK type {}, which is not read (points, lines, triangles, quadrilaterals, "
-                               "tetrahedra, hexahedra, wedges, pyramids of first and serendipity second order are)",
-                               types_[k]));
-    const auto count = start_[k + 1] - start_[k];
-    if (count != shape_of(shape->type).nodes)
-      fail_cell(
-          k, fmt::format("has {} points, {} has {}", count, shape_of(shape->type).name, shape_of(shape->type).nodes));
-    std::array<Index, kMaxElementNodes> nodes{};
-    for (std::int64_t a = 0; a < count; ++a) {
-      const std::int64_t node = connectivity_[static_cast<std::size_t>(start_[k] + a)];
-      if (node < 0 || node >= static_cast<std::int64_t>(mesh_.nodes.size()))
-        fail_cell(k, fmt::format("uses point {}; there are {} (counted from 0)", node, mesh_.nodes.size()));
-      nodes[static_cast<std::size_t>(a)] = static_cast<Index>(node);
-    }
-    if (shape->by_lines)
-      for (std::size_t a = 2; a < static_cast<std::size_t>(count); a += 4) std::swap(nodes[a], nodes[a + 1]);
-    elements_.add(shape->type, static_cast<std::int64_t>(k), {nodes.data(), static_cast<std::size_t>(count)});
-  }
-
-  struct Group {
-    std::string name;
-    bool of_cells;
-    std::vector<std::int64_t> values;
-  };
-
-  void add_sets(const Group& group) {
-    const std::size_t expected = group.of_cells ? elements_.count() : mesh_.nodes.size();
-    if (group.values.size() != expected) {
-      mesh_.notices.push_back(fmt::format("{}: '{}' has {} values for {} {}: not used", mesh_.name, group.name,
-                                          group.values.size(), expected, group.of_cells ? "cells" : "points"));
-      return;
-    }
-    const std::set<std::int64_t> different(group.values.begin(), group.values.end());
-    if (different.size() > kMostGroups) {
-      mesh_.notices.push_back(fmt::format("{}: '{}' has {} different values, which are not taken for sets", mesh_.name,
-                                          group.name, different.size()));
-      return;
-    }
-    for (std::size_t k = 0; k < group.values.size(); ++k) {
-      const std::string set = fmt::format("{}-{}", group.name, group.values[k]);
-      if (group.of_cells)
-        elements_.put(k, set);
-      else
-        mesh_.node_sets[set].push_back(static_cast<Index>(k));
-    }
+    const std::size_t cells = grid_.start.empty() ? 0 : grid_.start.size() - 1;
+    if (grid_.types.size() != cells)
+      reader_.fail(fmt::format("CELLS has {} cells, CELL_TYPES has {}; both are needed", cells, grid_.types.size()));
+    add_vtk_grid(grid_, fmt::format("{}:{}", reader_.path(), cells_line_), mesh_);
   }
 
   LineReader reader_;
@@ -381,9 +304,7 @@ class VtkReader {
   std::string_view rest_;        // of a line of numbers
   std::size_t tuples_ = 0;       // of the data section; 0: none yet
   std::int64_t cells_line_ = 0;
-  std::vector<std::int64_t> start_, connectivity_, types_;
-  std::vector<Group> groups_;
-  FileElements elements_;
+  VtkGrid grid_;
 };
 
 }  // namespace

@@ -217,6 +217,12 @@ class Builder {
         return;
       }
       if (!body.mesh) throw std::invalid_argument("pressure acts on faces of solids, and on shells");
+      if (!body.mesh->face_sets.contains(f.face) && body.mesh->node_sets.contains(f.face))
+        throw std::invalid_argument(
+            fmt::format("the node set '{}' has no outer face with all its nodes in it, and pressure needs faces; nodes "
+                        "take a force: "
+                        "type = \"load\", a = {{ body = \"{}\", nodes = \"{}\" }}, force = [x, y, z]",
+                        f.face, f.body, f.face));
       const std::vector<MeshFace>& faces = body.mesh->face_set(f.face);
       auto pressed = body.reduced != nullptr ? press_reduced(*body.reduced, *body.mesh, faces)
                                              : press_nodal(*body.flexible, *body.mesh, faces);
@@ -237,7 +243,9 @@ class Builder {
                             f.type == ForceType::guide;
     if ((directions && !a.has_rotation()) || (moments && b != nullptr && !b->has_rotation()))
       throw std::invalid_argument(
-          "needs a frame with axes, which nodes and point masses do not have; attach it to a rigid body or a face");
+          "needs a frame with axes, which nodes and point masses do not have; attach it to a rigid body, to a face, or "
+          "to three nodes and "
+          "more (nodes = [...])");
   }
 
   std::unique_ptr<FrameForce> make_force(const ForceSpec& f) {

@@ -3,9 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <numbers>
+#include <numeric>
 
+#include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
+#include "dynamics/mesh/sides.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -47,19 +51,23 @@ Mesh load_mesh(const MeshFile& file) {
   for (Point& p : mesh.nodes)
     for (double& x : p) x *= file.scale;
   mesh.drop_unused_nodes();
+  add_side_sets(mesh);
   return mesh;
 }
 
 /// What the mesh file states for the elements used, where that is one material.
-/// @param linear  without a density, too
-Material material_of(const Mesh& mesh, const SolidSpec& solid, bool linear, bool& massless) {
+/// @param statics  without a density, too
+Material material_of(const Mesh& mesh, const SolidSpec& solid, bool statics, bool& massless) {
   if (solid.material) return *solid.material;
   std::string name;
-  if (const auto it = mesh.section_material.find(solid.element_set); it != mesh.section_material.end())
+  if (const auto it = find_named(mesh.section_material, solid.element_set); it != mesh.section_material.end())
     name = it->second;
-  if (name.empty() && mesh.section_material.size() == 1) name = mesh.section_material.begin()->second;
+  if (name.empty() && !mesh.section_material.empty() &&
+      std::all_of(mesh.section_material.begin(), mesh.section_material.end(),
+                  [&](const auto& section) { return section.second == mesh.section_material.begin()->second; }))
+    name = mesh.section_material.begin()->second;
   for (const MeshMaterial& m : mesh.materials)
-    if (m.name == name && m.young > 0 && (m.density > 0 || linear)) {
+    if (m.name == name && m.young > 0 && (m.density > 0 || statics)) {
       Material result;
       result.young = m.young;
       result.poisson = m.poisson;
@@ -67,36 +75,68 @@ Material material_of(const Mesh& mesh, const SolidSpec& solid, bool linear, bool
       result.density = massless ? 1 : m.density;
       return result;
     }
-  throw Error(StatusCode::invalid_input,
-              "needs 'material': the mesh file states none (or more than one, or no density)");
+  std::string states = "states none";
+  if (name.empty() && !mesh.section_material.empty())
+    states = fmt::format("has {} sections and does not say which of them these elements are; name one by 'element_set'",
+                         mesh.section_material.size());
+  for (const MeshMaterial& m : mesh.materials)
+    if (m.name == name)
+      states = fmt::format("states '{}' without {}", name,
+                           m.young > 0     ? "a density"
+                           : m.density > 0 ? "Young's modulus"
+                                           : "Young's modulus and density");
+  throw Error(StatusCode::invalid_input, fmt::format("needs 'material': the mesh file {}", states));
 }
 
-/// The solids of a mesh, where it has surfaces, lines and points too that lie on them (Gmsh writes .inp files so).
-/// Empty: all elements are solids. @throws where some do not lie on solids: they might be meant
-std::vector<Index> solids_of(Mesh& mesh) {
-  std::vector<Index> solids, others;
+/// The solids among elements that may be surfaces, lines and points too. Those that lie on the solids are sets alone
+/// (Gmsh writes .inp files so), the others are passed over: the notices count both.
+/// @param chosen  rising; empty: all. @return empty: all elements of the mesh
+std::vector<Index> solids_of(Mesh& mesh, std::vector<Index> chosen) {
+  const bool all = chosen.empty();
+  if (all) {
+    chosen.resize(static_cast<std::size_t>(mesh.element_count()));
+    std::iota(chosen.begin(), chosen.end(), 0);
+  }
+  std::vector<Index> solids;
   std::vector<char> of_solids(mesh.nodes.size(), 0);
-  for (Index e = 0; e < mesh.element_count(); ++e) {
-    const bool solid = shape_of(mesh.type(e)).dimension == 3;
-    (solid ? solids : others).push_back(e);
-    if (!solid) continue;
+  for (const Index e : chosen) {
+    if (shape_of(mesh.type(e)).dimension < 3) continue;
+    solids.push_back(e);
     for (const Index n : mesh.element(e)) of_solids[static_cast<std::size_t>(n)] = 1;
   }
-  if (others.empty() || solids.empty()) return {};
-  std::string sets;
-  for (const auto& entry : mesh.element_sets) sets += (sets.empty() ? "" : ", ") + entry.first;
-  for (const Index e : others)
-    for (const Index n : mesh.element(e))
-      if (of_solids[static_cast<std::size_t>(n)] == 0)
-        throw Error(
-            StatusCode::invalid_input,
-            fmt::format("the mesh has {} elements that are no solids, for instance {} ({}); choose the solids by "
-                        "'element_set'; the sets are: {}",
-                        others.size(), mesh.element_label(e), shape_of(mesh.type(e)).name,
-                        sets.empty() ? "none" : sets));
-  mesh.notices.push_back(
-      fmt::format("{} surface and line elements that lie on the solids serve as sets only", others.size()));
+  if (solids.empty() || solids.size() == chosen.size()) return all ? std::vector<Index>() : chosen;
+  Index on_solids = 0;
+  std::map<std::string_view, Index> others;  // by their shapes
+  for (const Index e : chosen) {
+    const auto nodes = mesh.element(e);
+    if (shape_of(mesh.type(e)).dimension == 3) continue;
+    if (std::all_of(nodes.begin(), nodes.end(), [&](Index n) { return of_solids[static_cast<std::size_t>(n)] != 0; }))
+      ++on_solids;
+    else
+      ++others[shape_of(mesh.type(e)).name];
+  }
+  if (on_solids > 0)
+    mesh.notices.push_back(
+        fmt::format("{} surface and line elements that lie on the solids serve as sets only", on_solids));
+  if (!others.empty()) {
+    std::string list;
+    for (const auto& [shape, count] : others) list += fmt::format("{}{} {}", list.empty() ? "" : ", ", count, shape);
+    mesh.notices.push_back(fmt::format("elements that are no solids are passed over: {}; the body is made of {} solids",
+                                       list, solids.size()));
+  }
   return solids;
+}
+
+/// Without other elements where they have nodes of their own: such nodes would be masses without stiffness.
+void drop_others(Mesh& mesh, std::vector<Index>& elements) {
+  if (elements.empty()) return;
+  std::vector<char> used(mesh.nodes.size(), 0);
+  for (const Index e : elements)
+    for (const Index n : mesh.element(e)) used[static_cast<std::size_t>(n)] = 1;
+  if (std::find(used.begin(), used.end(), 0) == used.end()) return;
+  keep_elements(mesh, elements);
+  mesh.drop_unused_nodes();
+  elements.clear();
 }
 
 std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
@@ -105,7 +145,7 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
   if (first.size() < 2) return "";
   std::string labels;
   for (std::size_t k = 0; k < std::min(kShown, first.size()); ++k)
-    labels += fmt::format("{}{}", k > 0 ? ", " : "", mesh.node_label(first[k]));
+    labels += fmt::format("{}{}", k > 0 ? ", " : "", node_name(mesh, first[k]));
   return fmt::format(
       "the mesh falls into {} pieces that share no node, with the nodes {}{}; where joints do not hold all of them, "
       "they move "
@@ -115,14 +155,15 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 
 /// The same mesh for bodies that are copies of each other (links of a chain) would be made many times; it is cheap
 /// beside one factorization.
-std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool linear,
+std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool statics,
                                          base::ThreadPool& pool, BuiltBody& out) {
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh =
       std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
-  out.material = material_of(*mesh, solid, linear, out.spec.massless);
-  std::vector<Index> elements;
-  elements = solid.element_set.empty() ? solids_of(*mesh) : mesh->element_set(solid.element_set);
+  out.material = material_of(*mesh, solid, statics, out.spec.massless);
+  std::vector<Index> elements =
+      solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));
+  drop_others(*mesh, elements);
   auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
   out.notices = mesh->notices;
   if (file != nullptr) {  // meshers refuse to make elements that are folded
@@ -166,9 +207,9 @@ std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& 
   return make_shell_body(spec.name, positions, directors, shell_quads(s), s.material, s.thickness);
 }
 
-std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool linear, base::ThreadPool& pool,
+std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool statics, base::ThreadPool& pool,
                                                  BuiltBody& out) {
-  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, linear, pool, out);
+  if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, statics, pool, out);
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
@@ -210,7 +251,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
     at_place(spec.place, [&] { build_substructure(model, out, built); });
     return built;
   }
-  auto body = make_flexible_body(spec, model.linear(), out.pool, built);
+  auto body = make_flexible_body(spec, model.statics.has_value(), out.pool, built);
   if (built.spec.massless && !(gravity.isZero(0) && model.initial.modes == 0 && !model.harmonic))
     fail(spec.place, "needs a density, which its mesh file does not state: give it a material");
   if (spec.reduction) {

@@ -11,6 +11,7 @@
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -23,7 +24,7 @@ Vec3 reference_node(const FlexibleBody& body, Index node) {
 
 /// In how many ways a marker says where on a flexible body it is.
 int ways_of(const MarkerSpec& m) {
-  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.nodes.empty() ? 0 : 1) +
+  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.by_nodes() ? 1 : 0) +
          (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
 }
 
@@ -31,7 +32,7 @@ void check_ways(const MarkerSpec& m) {
   if (ways_of(m) != 1)
     throw std::invalid_argument(
         fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = "
-                    "\"SET\", edge = [\"FACE\", \"FACE\"], bore = {{ point, axis, radius }}",
+                    "\"SET\" or [LABEL, LABEL, ...], edge = [\"FACE\", \"FACE\"], bore = {{ point, axis, radius }}",
                     m.body));
 }
 
@@ -203,20 +204,7 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
     }
     return best;
   }
-  if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape)) {
-    const std::optional<Index> found = substructure->find(*m.node);
-    if (!found) throw std::invalid_argument(fmt::format("substructure '{}' has no node {}", m.body, *m.node));
-    return *found;
-  }
-  if (!body.mesh) {
-    const std::int64_t last = flexible.nodes(), k = *m.node == -1 ? last : *m.node;
-    if (k < 1 || k > last)
-      throw std::invalid_argument(fmt::format("'{}' has the nodes 1 to {} (-1: the last)", m.body, last));
-    return static_cast<Index>(k - 1);
-  }
-  for (Index k = 0; k < flexible.nodes(); ++k)
-    if (body.mesh->node_label(k) == *m.node) return k;
-  throw std::invalid_argument(fmt::format("the mesh of '{}' has no node {}", m.body, *m.node));
+  return nodes_labelled(body, {*m.node}).front();
 }
 
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, const BuiltBody& body) const {
@@ -224,10 +212,9 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
   if (!m.face.empty() || m.bore) return make_face(m, body, axes);
   const FlexibleBody& flexible = *body.flexible;
-  if (!m.edge.empty() || (!m.nodes.empty() && (m.attach == Attach::mean || !body.mesh)))
-    return make_mean(m, body, axes);
-  if (!m.nodes.empty()) {
-    const std::vector<Index>& set = body.mesh->node_set(m.nodes);
+  if (!m.edge.empty() || (m.by_nodes() && (m.attach == Attach::mean || !body.mesh))) return make_mean(m, body, axes);
+  if (m.by_nodes()) {
+    const std::vector<Index> set = nodes_of(m, body);
     std::vector<FrameVertex> vertices;
     for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
     return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
@@ -241,6 +228,10 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
 std::vector<MeshFace> FrameBuilder::faces_of(const MarkerSpec& m, const BuiltBody& body) const {
   if (!body.mesh)
     throw std::invalid_argument(fmt::format("'{}' has no face sets; give a node, or an edge of a shell", m.body));
+  if (!m.bore && !body.mesh->face_sets.contains(m.face) && body.mesh->node_sets.contains(m.face))
+    throw std::invalid_argument(
+        fmt::format("'{}' is a set of nodes, and no outer face of '{}' has all its nodes in it; write nodes = \"{}\"",
+                    m.face, m.body, m.face));
   std::vector<MeshFace> faces = m.bore ? faces_of_bore(body, *m.bore) : body.mesh->face_set(m.face);
   if (m.radius > 0) {
     if (!m.near) throw std::invalid_argument("'radius' needs 'near', the centre");
@@ -302,6 +293,8 @@ std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& 
     nodes = side(m.edge.front());
     for (const std::string& name : m.edge) keep_common(side(name));
     if (nodes.empty()) throw std::invalid_argument("these faces have no node in common: there is no such edge");
+  } else if (!m.labels.empty()) {
+    nodes = nodes_labelled(body, m.labels);
   } else if (!m.nodes.empty()) {
     if (shell == nullptr && !body.mesh)
       throw std::invalid_argument(fmt::format("'{}' has no node sets; give a node", m.body));

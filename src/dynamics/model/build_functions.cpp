@@ -87,9 +87,10 @@ class FunctionBuilder {
     for (const Expression::Unknown& wanted : formula.expression.quantities()) {
       const std::vector<std::string> name = split_name(wanted.name);
       if (name[0] == "sensors" && name.size() == 2) need_sensor(name[1]);
-      // A spring's length does not need its strength: springs and motors may depend on their own coordinate.
+      // A spring's length does not need its strength: springs and motors may depend on their own coordinate and frames.
       const bool own_motion = name.size() == 2 && (name[1] == "coordinate" || name[1] == "rate");
-      if (!own_motion)
+      const bool own_frame = name.size() > 2 && name[1].size() == 1;
+      if (!own_motion && !own_frame)
         for (const ForceSpec& force : model_.forces)
           if (force.name == name[0]) need_force(force);
       try {

@@ -92,7 +92,7 @@ std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltB
 }
 
 std::vector<HeldPoint> FrameBuilder::held_points(const MarkerSpec& m, const BuiltBody& body) const {
-  if (m.face.empty() && !m.bore && m.nodes.empty() && m.edge.empty())
+  if (m.face.empty() && !m.bore && !m.by_nodes() && m.edge.empty())
     throw std::invalid_argument(
         "attach = \"rigid\" needs a face, an edge, a bore or a node set, whose nodes are to be one rigid piece");
   std::vector<HeldPoint> points = points_of(m, body);

@@ -170,11 +170,12 @@ struct MarkerSpec {
   // Where on a flexible body; exactly one of them.
   std::optional<std::int64_t>
       node;  ///< label in the mesh or substructure; of cables, beams and shells: counted from 1, -1 the last
-  std::optional<Vec3> near;       ///< the nearest node (in mesh coordinates), or, with a face set, see radius
-  std::string face;               ///< face set: averaged
-  std::string nodes;              ///< node set: averaged position, and axes where `attach` is given
-  std::vector<std::string> edge;  ///< what faces of a solid have in common; edges of a shell
-  double radius = 0;              ///< > 0: only the faces of the set within this distance of `near`
+  std::optional<Vec3> near;          ///< the nearest node (in mesh coordinates), or, with a face set, see radius
+  std::string face;                  ///< face set: averaged
+  std::string nodes;                 ///< node set: averaged position, and axes where `attach` is given
+  std::vector<std::int64_t> labels;  ///< the same by the labels of the nodes
+  std::vector<std::string> edge;     ///< what faces of a solid have in common; edges of a shell
+  double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
   /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
   struct Bore {
     Vec3 point, axis;  ///< mesh coordinates; the frame's origin is `point` unless another one is given
@@ -183,7 +184,8 @@ struct MarkerSpec {
   };
   std::optional<Bore> bore;
   Attach attach = Attach::automatic;  ///< of faces and bores
-  int most_nodes = 0;                 ///< faces are thinned out evenly until about this many nodes are left; 0: never
+  [[nodiscard]] bool by_nodes() const { return !nodes.empty() || !labels.empty(); }
+  int most_nodes = 0;  ///< faces are thinned out evenly until about this many nodes are left; 0: never
 };
 
 // Joints and forces --------------------------------------------------------------------------------------------------
@@ -443,7 +445,8 @@ struct Description {
   std::string file;    ///< name of the text
   std::string folder;  ///< where mesh files are looked for
   std::string title;
-  std::string text;  ///< that this was read from, for pages; empty: it is not shown
+  std::string units;  ///< "SI", "mm-t-s", ..., see units/unit_system.hpp; empty: the text does not say
+  std::string text;   ///< that this was read from, for pages; empty: it is not shown
   Vec3 gravity = Vec3::Zero();
   std::vector<BodySpec> bodies;
   std::map<std::string, MarkerSpec> markers;
@@ -472,7 +475,7 @@ void set_rotation(Description& model);
 /// Reads an expanded text (see expand()). @throws Error(invalid_input) "file:line: path: what to do"
 [[nodiscard]] Description read_description(const Value& root, const std::string& file);
 
-/// A frame of a joint or force: a marker's name or a table.
+/// A frame of a joint or force: a name (frames/names.hpp) or a table.
 [[nodiscard]] MarkerSpec read_marker(const Value& value, const std::string& name);
 void read_bodies(Section& root, Description& model);
 void read_joints(Section& root, Description& model);

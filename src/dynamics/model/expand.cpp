@@ -8,6 +8,7 @@
 #include <unordered_map>
 
 #include "dynamics/model/expression.hpp"
+#include "dynamics/model/units/apply_units.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -38,10 +39,12 @@ Scope read_parameters(const Value& root) {
   const Value* parameters = root.find("parameters");
   if (parameters == nullptr) return scope;
   if (!parameters->is_table()) fail(parameters->place, "must be a table of numbers");
+  const std::optional<UnitSystem> units = stated_units(root);
   for (const auto& [name, value] : parameters->entries) {
     if (name == "t" || name == "pi" || name == "e")
       fail(value.place, fmt::format("the name '{}' is taken; choose another", name));
-    scope[name] = number(value, scope);
+    const std::optional<double> measured = parameter_with_unit(value, units);
+    scope[name] = measured ? *measured : number(value, scope);
   }
   return scope;
 }
@@ -238,6 +241,7 @@ void expand(Value& root, const std::vector<std::string>& overrides) {
   }
   remove(root, "repeat");
   remove(root, "parameters");
+  apply_units(root);
 }
 
 double number_at(Value root, const std::vector<std::string>& overrides, const std::string& path) {

@@ -15,6 +15,7 @@ namespace espalier::dynamics::model {
 ///   3. {expression} in names and texts is replaced by its value;
 ///   4. [[repeat]]: its sections (bodies, markers, joints, forces) are copied once for each index from `from` to `to`,
 ///      with the index known to their expressions, and added to the sections of the model;
+///   5. values that are written with a unit become numbers (units/apply_units.hpp);
 /// and gives every text the scope in which its expressions are read. The tables parameters and repeat are gone then.
 /// @throws Error(invalid_input) "file:line: path: what"
 void expand(Value& root, const std::vector<std::string>& overrides);

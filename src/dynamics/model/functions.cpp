@@ -161,8 +161,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
     return Offer{{{"position", motion_of(frame, Motion::position)}, {"velocity", motion_of(frame, Motion::velocity)}},
                  {}};
   }
-  if (const auto it = mechanism.markers.find(object); it != mechanism.markers.end())
-    return of_frame(borrowed(*it->second));
+  if (const Frame* frame = frame_named(mechanism, object)) return of_frame(borrowed(*frame));
   if (const Joint* joint = mechanism.joint(object)) {
     const auto it = mechanism.contacts.find(object);
     return of_joint(*joint, it == mechanism.contacts.end() ? nullptr : &it->second);
@@ -208,11 +207,34 @@ std::vector<std::string> split_name(const std::string& request) {
   return parts;
 }
 
+std::vector<std::string> split_name(const Mechanism& mechanism, const std::string& request) {
+  std::vector<std::string> parts = split_name(request);
+  if (parts.size() < 2 || parts[1].size() != 1) return parts;
+  const std::string object = parts[0] + "." + parts[1];
+  if (frame_named(mechanism, object) == nullptr) return parts;
+  parts.erase(parts.begin());
+  parts[0] = object;
+  return parts;
+}
+
+const Frame* frame_named(const Mechanism& mechanism, const std::string& object) {
+  if (const auto it = mechanism.markers.find(object); it != mechanism.markers.end()) return it->second.get();
+  const std::size_t dot = object.rfind('.');
+  if (dot == std::string::npos || dot + 2 != object.size()) return nullptr;
+  const std::string name = object.substr(0, dot);
+  const int which = object.back() - 'a';
+  if (const Joint* joint = mechanism.joint(name))
+    return which >= 0 && which < joint->frames() ? &joint->frame(which) : nullptr;
+  if (const BuiltForce* force = mechanism.force(name))
+    return which == 0 || which == force->side ? &force->force->frame(which) : nullptr;
+  return nullptr;
+}
+
 StateFunctionPtr find_function(const Mechanism& mechanism, const std::string& request) {
   const auto refuse = [&](const std::string& what) {
     throw Error(StatusCode::invalid_input, fmt::format("\"{}\": {}", request, what));
   };
-  const std::vector<std::string> parts = split_name(request);
+  const std::vector<std::string> parts = split_name(mechanism, request);
   const std::optional<Offer> offer = functions_of(mechanism, parts[0]);
   if (!offer)
     refuse(fmt::format("there is no body, marker, joint, support or force '{}'{}", parts[0],

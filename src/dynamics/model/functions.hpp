@@ -15,6 +15,7 @@ class Mechanism;
 
 /// What one object offers:
 ///   rigid BODY, MARKER  position velocity rotation angular_velocity
+///   JOINT.a, FORCE.b    the same: a frame of a joint or force, a to d
 ///   JOINT               force moment on its frame b; angle, angular_speed (turns counted; joints with one axis),
 ///                       displacement, speed (along z of a; prismatic, cylindrical, translation-motor), distance,
 ///                       friction_force, friction_moment, stop_force, stop_moment (positive holds the coordinate back)
@@ -32,6 +33,10 @@ struct Offer {
 /// Names of all objects, for suggestions.
 [[nodiscard]] std::vector<std::string> object_names(const Mechanism& mechanism);
 [[nodiscard]] std::vector<std::string> split_name(const std::string& request);
+/// The same with the name of an object in one piece: "hinge.a.position.x" has the object "hinge.a", a frame of a joint.
+[[nodiscard]] std::vector<std::string> split_name(const Mechanism& mechanism, const std::string& request);
+/// The frame of a marker, or of a joint or force ("hinge.a"); null: there is none of that name.
+[[nodiscard]] const Frame* frame_named(const Mechanism& mechanism, const std::string& object);
 
 /// @param parts one for each of the expression's quantities()
 [[nodiscard]] StateFunctionPtr expression_function(const Formula& formula, std::vector<StateFunctionPtr> parts);

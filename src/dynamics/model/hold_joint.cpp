@@ -104,6 +104,7 @@ std::string name_of(const MarkerSpec& m) {
   const std::string what = !m.face.empty()    ? fmt::format("face '{}'", m.face)
                            : m.bore           ? std::string("the bore")
                            : !m.nodes.empty() ? fmt::format("nodes '{}'", m.nodes)
+                           : m.by_nodes()     ? std::string("the nodes")
                            : !m.edge.empty()  ? std::string("the edge")
                            : m.node           ? fmt::format("node {}", *m.node)
                            : m.near           ? std::string("the node")

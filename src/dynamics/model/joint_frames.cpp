@@ -65,9 +65,7 @@ void complete_axes(Spec& spec, const std::string& type, const FrameBuilder& fram
 }
 
 /// Several nodes of a flexible body.
-bool is_set(const MarkerSpec& m) {
-  return !m.face.empty() || m.bore.has_value() || !m.nodes.empty() || !m.edge.empty();
-}
+bool is_set(const MarkerSpec& m) { return !m.face.empty() || m.bore.has_value() || m.by_nodes() || !m.edge.empty(); }
 
 /// Plane and wheel have axes of their own, which neither can take from the other.
 void check_rolling(const JointSpec& j) {
@@ -87,11 +85,37 @@ void check_rolling(const JointSpec& j) {
 
 std::string face_name(const MarkerSpec& m) {
   return fmt::format("{} of '{}'",
-                     !m.face.empty()    ? fmt::format("face '{}'", m.face)
-                     : !m.nodes.empty() ? fmt::format("nodes '{}'", m.nodes)
-                     : !m.edge.empty()  ? fmt::format("edge '{}'", fmt::join(m.edge, " "))
-                                        : std::string("the bore"),
+                     !m.face.empty()     ? fmt::format("face '{}'", m.face)
+                     : !m.nodes.empty()  ? fmt::format("nodes '{}'", m.nodes)
+                     : !m.labels.empty() ? fmt::format("nodes {}", fmt::join(m.labels, ", "))
+                     : !m.edge.empty()   ? fmt::format("edge '{}'", fmt::join(m.edge, " "))
+                                         : std::string("the bore"),
                      m.body);
+}
+
+bool turns_frame(JointType type, std::size_t frame) {
+  switch (type) {
+    case JointType::spherical:
+    case JointType::distance:
+    case JointType::prescribed:
+      return false;
+    case JointType::point_on_line:
+    case JointType::revolute_spherical:
+      return frame == 0;
+    default:
+      return true;
+  }
+}
+
+bool turns_frames(const ForceSpec& f) {
+  if (f.type != ForceType::load) return f.type != ForceType::spring;
+  return f.follower || !f.angular.isZero() ||
+         std::any_of(f.components.begin() + 3, f.components.end(), [](const auto& c) { return c.has_value(); });
+}
+
+/// A node set has a place; where axes are asked for, it turns as its nodes do in the mean, like a face.
+void give_axes(MarkerSpec& m) {
+  if (m.by_nodes() && m.attach == Attach::automatic) m.attach = Attach::mean;
 }
 
 /// What holds a face where nothing says it: all its nodes in a fixed joint, if they are there.
@@ -134,6 +158,7 @@ JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Me
     m = frames.resolve(m);
     face = face || is_set(m);
     if (is_set(m)) decide(m, joint, built, notices);
+    if (turns_frame(joint.type, static_cast<std::size_t>(&m - out.frames.data()))) give_axes(m);
     check_attach(m, built);
   }
   if (joint.attach != Attach::automatic && !face)
@@ -147,6 +172,7 @@ ForceSpec completed(const ForceSpec& force, const FrameBuilder& frames, const Me
   ForceSpec out = force;
   for (MarkerSpec& m : out.frames) {
     m = frames.resolve(m);
+    if (turns_frames(force)) give_axes(m);
     check_attach(m, built);
   }
   complete_axes(out, force_type_names()[static_cast<std::size_t>(force.type)], frames);

@@ -36,10 +36,12 @@ std::string source_of(const std::string& text, const std::string& name, const st
 ModelModesPoint modes_at(const std::string& text, const std::string& name, const std::string& number, double value,
                          int count, SimulationOptions options) {
   constexpr int kCount = 6;
-  options.set.push_back(fmt::format("{}={}", number, value));
+  if (!number.empty()) options.set.push_back(fmt::format("{}={}", number, value));
   options.out.clear();
   dynamics::model::Value root = dynamics::model::parse_toml(text, name);
   dynamics::model::expand(root, options.set);
+  if (root.find("integrator") == nullptr && root.find("statics") == nullptr)  // nothing is run
+    set_value(root, "integrator.end", dynamics::model::parse_assignment("end=1").value);
   dynamics::model::Description model = dynamics::model::read_description(root, name);
   if (count > 0) model.initial.modes = count;
   if (model.initial.modes == 0) model.initial.modes = kCount;
@@ -70,7 +72,7 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
         stage.add(1);
       } catch (const Error& error) {
         Status status = error.status();
-        status.message = fmt::format("{} = {:g}: {}", number, value, status.message);
+        if (!number.empty()) status.message = fmt::format("{} = {:g}: {}", number, value, status.message);
         throw Error(status);
       }
     }

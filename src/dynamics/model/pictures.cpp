@@ -24,6 +24,13 @@ void remove_others(const std::string& folder, const std::string& name, PictureFo
   if (format == PictureFormat::vtu && hdf5::is_own(file)) std::filesystem::remove(file, ignored);
 }
 
+/// Of the model that was built, or empty.
+std::string units_of(const Mechanism& mechanism) {
+  for (const auto& [key, text] : mechanism.keys)
+    if (key == "units" && text.size() > 2) return text.substr(1, text.size() - 2);  // between quotes
+  return "";
+}
+
 }  // namespace
 
 struct Pictures::Picture {
@@ -43,6 +50,7 @@ Pictures::Pictures(const std::string& folder, const std::string& name, PictureFo
     layout.point_fields = {{"displacement", 3}, {"velocity", 3}};
     if (!scene_.contact_pressure(initial).empty()) layout.point_fields.push_back({"contact_pressure", 1});
     layout.quantities = std::move(quantities);
+    layout.units = units_of(mechanism);
     file_ = std::make_unique<VtkHdf>(path_, std::move(layout), keep_until);
     kept_ = file_->kept();
     return;

@@ -145,8 +145,8 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
     columns.vectors.emplace_back("acceleration", acceleration_of(std::make_shared<RigidFrame>(*body->rigid)));
   if (body != nullptr && body->point != nullptr)
     columns.vectors.emplace_back("acceleration", acceleration_of(std::make_shared<PointFrame>(*body->point)));
-  if (const auto it = mechanism.markers.find(object); it != mechanism.markers.end())
-    columns.vectors.emplace_back("acceleration", acceleration_of({std::shared_ptr<const Frame>(), it->second.get()}));
+  if (const Frame* frame = frame_named(mechanism, object))
+    columns.vectors.emplace_back("acceleration", acceleration_of({std::shared_ptr<const Frame>(), frame}));
   if (const Joint* joint = mechanism.joint(object)) add_joint_columns(*joint, columns);
   return columns;
 }
@@ -231,7 +231,7 @@ Quantity in_linear_statics(Quantity q, const Mechanism& mechanism) {
 
 std::vector<Quantity> find_plain(Mechanism& mechanism, const std::string& request, const Place& place) {
   if (is_field_request(request)) return find_field_quantities(mechanism, request, place);
-  const std::vector<std::string> parts = split_name(request);
+  const std::vector<std::string> parts = split_name(mechanism, request);
   const Columns offer = find_columns(mechanism, parts[0], request, place);
   std::vector<std::string> known;
   for (const auto& [name, value] : offer.scalars) known.push_back(name);

@@ -48,6 +48,7 @@ struct Quantity {
 /// The quantities that a request stands for (three for a vector without component):
 ///   BODY or MARKER  .position .velocity .acceleration (origin; a flexible body: centre of mass, no acceleration)
 ///                   .rotation (rotation vector) .angular_velocity        [.x .y .z]
+///   JOINT.a, FORCE.b  the same of a frame of a joint or force, a to d
 ///   JOINT           .force .moment: of the joint on its frame b, global axes, at the frame  [.x .y .z]
 ///                   .coordinate: value of its first equation's relative coordinate (angle, displacement, distance)
 ///                   .angle .angular_speed .displacement .speed and contacts: see model/functions.hpp

@@ -15,6 +15,9 @@ namespace {
 
 const std::vector<std::string> kTypes = {"rigid", "solid", "cable", "beam", "shell", "point", "substructure"};
 
+constexpr const char* kNeedsMaterial =
+    "needs 'material', a name of [materials] or a table { young = ..., poisson = ..., density = ... }";
+
 /// The materials of the model by name, and where bodies find them.
 class BodyReader {
  public:
@@ -54,6 +57,7 @@ class BodyReader {
   Material read_material(const Value& value) const {
     Section s(value);
     Material m;
+    check_material(s, value);
     m.law = static_cast<SolidLaw>(s.choice("law", {"st-venant-kirchhoff", "neo-hookean"}, 0));
     m.young = s.positive("young");
     m.poisson = s.number("poisson", 0);
@@ -64,13 +68,29 @@ class BodyReader {
     return m;
   }
 
-  /// Density and the like: > 0; linear statics does without and takes 1, 0 stands for that here.
+  /// All that a material lacks in one message; what is misspelt is told where it is read.
+  void check_material(const Section& s, const Value& value) const {
+    const std::vector<std::string> known = {"law", "young", "poisson", "density"};
+    for (const auto& entry : value.entries)
+      if (std::find(known.begin(), known.end(), entry.first) == known.end()) return;
+    std::string lacks;
+    if (!s.has("young")) lacks = "'young' (Young's modulus)";
+    if (!s.has("density") && !model_.statics)
+      lacks += fmt::format(
+          "{}'density' (mass over volume; only statics does without: [statics] instead of a motion, and "
+          "no gravity)",
+          lacks.empty() ? "" : " and ");
+    if (!lacks.empty()) fail(s.place(), fmt::format("the material needs {}", lacks));
+  }
+
+  /// Density and the like: > 0; statics alone does without and takes 1, 0 stands for that here.
   double inertia(Section& s, const std::string& key) const {
     if (s.has(key)) return s.positive(key);
-    if (!model_.linear())
-      fail(s.place(), fmt::format("needs '{}', a number greater than 0 (linear statics alone does without: [statics] "
-                                  "with linear = true)",
-                                  key));
+    if (!model_.statics)
+      fail(s.place(),
+           fmt::format("needs '{}', a number greater than 0 (only statics does without: [statics] instead of "
+                       "a motion, and no gravity)",
+                       key));
     return 0;
   }
   /// The same as a number that bodies can be made with.
@@ -96,7 +116,7 @@ class BodyReader {
   }
   Material needed_material(Section& s) const {
     const auto found = material(s);
-    if (!found) fail(s.place(), "needs 'material'");
+    if (!found) fail(s.place(), kNeedsMaterial);
     return *found;
   }
 
@@ -209,7 +229,7 @@ class BodyReader {
     if (!mesh) fail(s.place(), "needs 'mesh': { file = \"...\" } or { part = \"...\", unknowns = ... }");
     solid.mesh = read_mesh_source(*mesh);
     solid.material = material(s);
-    if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), "needs 'material'");
+    if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), kNeedsMaterial);
     solid.element_set = s.text("element_set", "");
     solid.options.hex8 =
         static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));

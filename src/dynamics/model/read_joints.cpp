@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/frames/names.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -59,8 +60,10 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
   for (std::size_t k = 0; k < count; ++k) {
     const Value* value = s.value(kKeys[k]);
     if (value == nullptr) {
-      fail(s.place(), fmt::format("needs a frame '{}': a marker's name or {{ body = ..., point = ... }}{}", kKeys[k],
-                                  count == 2 ? ", or the short form bodies = [..], at = [..]" : ""));
+      fail(s.place(),
+           fmt::format(
+               "needs a frame '{}': {{ body = ..., point = ... }}, or the name of a marker, a body or \"ground\"{}",
+               kKeys[k], count == 2 ? ", or the short form bodies = [..], at = [..]" : ""));
     }
     frames.push_back(read_marker(*value, ""));
   }
@@ -228,6 +231,28 @@ ForceSpec read_force(const std::string& name, const Value& value) {
   return f;
 }
 
+/// The name of a node set, or labels of nodes.
+void read_nodes(Section& s, MarkerSpec& m) {
+  const Value* nodes = s.value("nodes");
+  if (nodes == nullptr) return;
+  if (nodes->type == Value::Type::text) {
+    m.nodes = nodes->text;
+    return;
+  }
+  const auto is_text = [](const Value& item) { return item.type == Value::Type::text; };
+  if (nodes->type != Value::Type::array || nodes->items.empty() ||
+      std::any_of(nodes->items.begin(), nodes->items.end(), is_text))
+    fail(nodes->place,
+         "must be the name of one node set, \"SET\", or a list of labels of nodes, [31, 90] (of one alone: node = 31)");
+  constexpr double kLargest = 9e15;  // whole numbers are exact up to there
+  for (const Value& item : nodes->items) {
+    const double label = Section::plain_number(item);
+    if (label != std::floor(label) || label < -1 || label > kLargest)
+      fail(nodes->place, fmt::format("labels of nodes are whole numbers, not {}", label));
+    m.labels.push_back(static_cast<std::int64_t>(label));
+  }
+}
+
 }  // namespace
 
 const std::vector<std::string>& joint_type_names() {
@@ -265,7 +290,13 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
     m.reference = value.text;
     return m;
   }
+  if (!value.is_table())
+    fail(value.place,
+         fmt::format(
+             "must be a frame, {{ body = ..., point = ... }}, or the name of a marker, a body or \"ground\", not {}",
+             name_of(value.type)));
   Section s(value);
+  if (name.empty()) m.name = s.text("name", "");  // in line
   if (s.has("same_as")) {
     m.reference = s.text("same_as");
     s.finish();
@@ -287,7 +318,7 @@ void read_where(Section& s, MarkerSpec& m) {
   if (s.has("node")) m.node = s.integer("node", -1, 0);
   if (s.has("near")) m.near = s.vector("near");
   m.face = s.text("face", "");
-  m.nodes = s.text("nodes", "");
+  read_nodes(s, m);
   m.edge = s.texts("edge");
   m.radius = s.positive("radius", 0);
   if (auto b = s.table("bore")) {
@@ -301,13 +332,17 @@ void read_where(Section& s, MarkerSpec& m) {
 }
 
 void read_joints(Section& root, Description& model) {
-  root.named("joints",
-             [&](const std::string& name, const Value& value) { model.joints.push_back(read_joint(name, value)); });
+  root.named("joints", [&](const std::string& name, const Value& value) {
+    model.joints.push_back(read_joint(name, value));
+    keep_named_frames(model.joints.back().frames, model);
+  });
 }
 
 void read_forces(Section& root, Description& model) {
-  root.named("forces",
-             [&](const std::string& name, const Value& value) { model.forces.push_back(read_force(name, value)); });
+  root.named("forces", [&](const std::string& name, const Value& value) {
+    model.forces.push_back(read_force(name, value));
+    keep_named_frames(model.forces.back().frames, model);
+  });
 }
 
 }  // namespace espalier::dynamics::model

@@ -5,7 +5,9 @@
 #include <filesystem>
 #include <limits>
 
+#include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/frames/names.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -201,7 +203,7 @@ void read_solver(const Value& table, Description& model) {
   }
 }
 
-/// Without a density there is no weight, and nothing swings.
+/// Without a density there is no weight, nothing swings, and nothing pulls outwards.
 void check_densities(const Description& model) {
   for (const BodySpec& body : model.bodies) {
     if (!body.massless) continue;
@@ -212,6 +214,9 @@ void check_densities(const Description& model) {
     if (!body.gravity.value_or(model.gravity).isZero(0)) refuse("there is gravity; gravity = [0, 0, 0] takes it away");
     if (model.initial.modes > 0) refuse("natural frequencies are asked for");
     if (model.harmonic) refuse("a frequency response is asked for");
+    if (model.initial.rotation) refuse("[initial] rotation makes it turn, and pulls at its mass");
+    if (body.reduction && body.reduction->frequency < std::numeric_limits<double>::max())
+      refuse("'reduce' keeps the modes below a frequency");
   }
 }
 
@@ -270,15 +275,17 @@ void set_rotation(Description& model) {
   }
 }
 
-Description read_description(const Value& root_value, const std::string& file) {
+Description read_description(const Value& root_value, const std::string& file) try {
   Description model;
   model.file = file;
   model.folder = std::filesystem::path(file).parent_path().string();
   model.keys = model_keys(root_value);
   Section root(root_value);
   model.title = root.text("title", std::filesystem::path(file).stem().string());
+  model.units = root.text("units", "");
   model.gravity = root.vector("gravity", Vec3::Zero());
-  if (asks_for_linear_statics(root_value)) model.statics.emplace().options.path = StaticPath::linear;  // densities
+  if (root.has("statics")) model.statics.emplace();  // bodies then do without densities
+  if (asks_for_linear_statics(root_value)) model.statics->options.path = StaticPath::linear;
   read_bodies(root, model);
   root.named("markers",
              [&](const std::string& name, const Value& value) { model.markers[name] = read_marker(value, name); });
@@ -308,10 +315,14 @@ Description read_description(const Value& root_value, const std::string& file) {
   if (const Value* s = root.value("solver")) read_solver(*s, model);
   root.finish();
   check_names(model);
+  settle_frame_names(model);
   check_densities(model);
   set_rotation(model);
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
+} catch (const Error& error) {
+  if (error.status().code == StatusCode::invalid_input) refuse_unknown_sections(root_value);
+  throw;
 }
 
 }  // namespace espalier::dynamics::model

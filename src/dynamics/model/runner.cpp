@@ -12,10 +12,12 @@
 #include "base/stopwatch.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
+#include "dynamics/model/assembly/unclosed_joints.hpp"
 #include "dynamics/model/default_tolerances.hpp"
 #include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/restart.hpp"
 #include "dynamics/model/start_report.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 #include "solver/option_text.hpp"
 
 namespace espalier::dynamics::model {
@@ -93,6 +95,7 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
     throw Error(StatusCode::invalid_input, "--restart: a statics run begins anew, it has no restart file");
   check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
+  summary_.units = model_.units;
   summary_.method = model_.linear()                           ? "linear statics"
                     : model_.statics                          ? "statics"
                     : !model_.moves                           ? "harmonic"
@@ -146,6 +149,14 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
   finish();
 }
 
+std::vector<SimulationQuantity> Runner::all_quantities() const {
+  std::vector<SimulationQuantity> list = list_quantities(*mechanism_);
+  if (model_.units.empty()) return list;
+  const UnitSystem units(model_.units);
+  for (SimulationQuantity& q : list) q.unit = units.unit_of(q.dimension);
+  return list;
+}
+
 // What is chosen twice is there once.
 void Runner::choose(const std::string& request, const Place& place) {
   for (Quantity& q : find_quantities(*mechanism_, request, place)) {
@@ -175,6 +186,7 @@ void Runner::prepare() {
       if (result.position_change > 0 && options_.restart.empty()) check_overlaps(model_, *mechanism_, state_);
     }
   } catch (const Error& error) {
+    state_ = given;  // where the joints could not be closed from
     throw Error(error.status().code, explain_failure(error), error.status().row);
   }
   reference_ = model_.initial.statics ? given : state_;
@@ -429,8 +441,26 @@ void Runner::note_steps() {
                   model_.integrator.alpha.step, c.divisions, c.first_division, c.shortest_step));
 }
 
+std::optional<std::string> Runner::explain_positions(const Error& error) {
+  const StatusCode code = error.status().code;
+  if (code != StatusCode::invalid_input && code != StatusCode::singular && code != StatusCode::accuracy_not_reached)
+    return std::nullopt;
+  try {
+    if (std::optional<std::string> why = unclosed_joints(*mechanism_, current(), model_.units)) return why;
+    if (!integrator_) return std::nullopt;
+    return unreached_motion(*mechanism_, current(), model_.integrator.end, model_.units);
+  } catch (const Error&) {  // the failure that brought us here is the one to report
+    return std::nullopt;
+  }
+}
+
 std::string Runner::explain_failure(const Error& error) {
   std::string text = error.what();
+  if (const std::optional<std::string> why = explain_positions(error); why && text.find(*why) == std::string::npos) {
+    if (!integrator_)
+      return error.status().code == StatusCode::singular ? *why : *why + "; the search ended with: " + text;
+    text = *why + "; " + text;
+  }
   text += mechanism_->inverted_elements();
   for (const BuiltBody& body : mechanism_->bodies)
     if (const std::optional<std::string> notice = compression_notice(body, current().q)) text += "; " + *notice;

@@ -41,7 +41,8 @@ class Runner {
   void step_to(double t, const SimulationObserver& observer);
   [[nodiscard]] std::string save();
   void restore(std::string_view state);
-  [[nodiscard]] std::vector<SimulationQuantity> all_quantities() { return list_quantities(*mechanism_); }
+  /// With their units, where the model states its own.
+  [[nodiscard]] std::vector<SimulationQuantity> all_quantities() const;
   /// Of the chosen quantities, or of a usual set where none was chosen and a page is kept.
   [[nodiscard]] const SimulationSeries& series();
   /// Pictures in memory: of the run, of the present state; made at the first call.
@@ -130,6 +131,8 @@ class Runner {
   /// Of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
+  /// Which joints cannot be closed, or motions not be followed, where that is what went wrong.
+  [[nodiscard]] std::optional<std::string> explain_positions(const Error& error);
   [[nodiscard]] std::string explain_failure(const Error& error);
   [[nodiscard]] std::string explain_statics(const Error& error);
   [[nodiscard]] std::string loose_bodies(const State& state);

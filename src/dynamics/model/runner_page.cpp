@@ -139,7 +139,7 @@ page::RunOfPage Runner::run_of_page(bool running) const {
   run.gravity = {model_.gravity.x(), model_.gravity.y(), model_.gravity.z()};
   run.begin = model_.statics ? 0 : summary_.t_begin;
   run.end = end_time();
-  run.quantities = list_quantities(*mechanism_);
+  run.quantities = all_quantities();
   run.response = response_of(response_);
   return run;
 }

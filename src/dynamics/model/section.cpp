@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/expand.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -38,9 +40,9 @@ const Value* Section::get(const std::string& key) {
 const Value& Section::need(const std::string& key) {
   const Value* value = get(key);
   if (value != nullptr) return *value;
-  // A misspelt key explains a missing one.
+  // A misspelt key explains a missing one; keys of two letters or fewer are all near to each other.
   for (const auto& [name, other] : table_->entries)
-    if (!known_.contains(name) && !nearest_name(name, {key}).empty())
+    if (std::min(name.size(), key.size()) > 2 && !known_.contains(name) && !nearest_name(name, {key}).empty())
       fail(other.place, fmt::format("unknown key; did you mean '{}'?", key));
   fail(table_->place, fmt::format("needs '{}'", key));
 }
@@ -51,6 +53,8 @@ double Section::to_number(const Value& value) {
     try {
       number = Expression(value.text, scope_of(value), false).value();
     } catch (const Error& error) {
+      if (written_value(value.text))
+        fail(value.place, std::string("must be a plain number here, without a unit; ") + error.what());
       fail(value.place, std::string("must be a number; ") + error.what());
     }
   } else if (value.type != Value::Type::integer && value.type != Value::Type::real) {
@@ -241,7 +245,12 @@ void Section::named(const std::string& key, const std::function<void(const std::
     });
     if (!plain) fail(value.place, "names are made of letters, digits, - and _");
     if (!value.is_table()) fail(value.place, fmt::format("must be a table, for instance [{}.{}]", key, name));
-    each(name, value);
+    try {
+      each(name, value);
+    } catch (const Error& error) {
+      if (error.status().code == StatusCode::invalid_input) refuse_unknown_keys(key, value);
+      throw;
+    }
   }
 }
 

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/model/value.hpp"
 
 namespace espalier::dynamics::model {
@@ -104,13 +105,23 @@ class Converter {
   std::string file_;
 };
 
+/// @throws Error saying what to do with a mesh file, where `file` is one
+void refuse_mesh(const std::string& file) {
+  if (const std::string advice = mesh_is_no_model(file); !advice.empty())
+    throw Error(StatusCode::invalid_input, advice);
+}
+
 }  // namespace
 
 Value parse_toml(std::string_view text, const std::string& file) {
-  check_keys(text, file);
   try {
+    check_keys(text, file);
     return Converter(file).convert(toml::parse(text, std::string_view(file)), "");
+  } catch (const Error&) {
+    refuse_mesh(file);
+    throw;
   } catch (const toml::parse_error& error) {
+    refuse_mesh(file);
     fail({file, static_cast<int>(error.source().begin.line), ""}, std::string(error.description()));
   }
 }

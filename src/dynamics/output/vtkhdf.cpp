@@ -55,6 +55,7 @@ class VtkHdf::Writer {
   Writer(const std::string& path, const VtkHdfLayout& layout) : file_(path) {
     file_.add_attribute("VTKHDF", {"Version", "", {2, 2}, false});
     file_.add_attribute("VTKHDF", {"Type", "UnstructuredGrid", {}, false});
+    if (!layout.units.empty()) file_.add_attribute("VTKHDF", {"Units", layout.units, {}, false});
     file_.add_attribute("VTKHDF/Steps", {"NSteps", "", {0}, true});
     const VtuCells& cells = *layout.cells;
     const auto count = static_cast<std::uint64_t>(cells.count());

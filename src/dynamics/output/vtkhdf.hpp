@@ -24,6 +24,7 @@ struct VtkHdfLayout {
   std::vector<std::string> body_names;
   std::vector<Field> point_fields, cell_fields;
   std::vector<std::string> quantities;  ///< one number a frame each
+  std::string units = {};               ///< of all numbers, an attribute of the group VTKHDF; empty: it is not said
 };
 
 /// Numbers in the order of the layout.

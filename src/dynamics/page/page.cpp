@@ -15,7 +15,7 @@ namespace {
 
 std::string plots_json(const RunOfPage& run, const Rows& rows) {
   std::map<std::string, std::string> dimensions;
-  for (const SimulationQuantity& q : run.quantities) dimensions[q.name] = q.dimension;
+  for (const SimulationQuantity& q : run.quantities) dimensions[q.name] = q.unit.empty() ? q.dimension : q.unit;
   std::vector<std::string> of_columns;
   for (const std::string& name : rows.names()) {
     const auto known = dimensions.find(name);

@@ -81,6 +81,7 @@ std::string summary_json(const SimulationSummary& s, const Status& status) {
   JsonObject json;
   json.text("status", s.interrupted ? "interrupted" : std::string(solver::name_of(status.code)));
   json.text("message", status.message).text("title", s.title).text("method", s.method);
+  if (!s.units.empty()) json.text("units", s.units);
   add_system(s, json);
   add_results(s, json);
   add_run(s, json);

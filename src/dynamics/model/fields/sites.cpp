@@ -7,7 +7,9 @@
 #include <stdexcept>
 
 #include "base/at.hpp"
+#include "dynamics/mesh/names.hpp"
 #include "dynamics/model/fields/locate.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -143,23 +145,19 @@ Where::Kind kind_of_set(const SampledBody& body, const Where& where) {
   if (where.kind != Where::Kind::set) return where.kind;
   if (!body.body().mesh) no_such_set(body, where.set);
   const Mesh& mesh = *body.body().mesh;
-  if (mesh.face_sets.count(where.set) > 0) return Where::Kind::faces;
-  if (mesh.node_sets.count(where.set) > 0) return Where::Kind::nodes;
-  if (mesh.element_sets.count(where.set) > 0) return Where::Kind::elements;
+  if (find_named(mesh.face_sets, where.set) != mesh.face_sets.end()) return Where::Kind::faces;
+  if (find_named(mesh.node_sets, where.set) != mesh.node_sets.end()) return Where::Kind::nodes;
+  if (find_named(mesh.element_sets, where.set) != mesh.element_sets.end()) return Where::Kind::elements;
   no_such_set(body, where.set);
 }
 
 Index node_of_label(const SampledBody& body, std::int64_t label) {
-  if (!body.body().mesh && label == -1) return body.nodes() - 1;
-  for (Index k = 0; k < body.nodes(); ++k)
-    if (body.node_label(k) == label) return k;
-  throw std::invalid_argument(
-      body.body().mesh ? fmt::format("the mesh of '{}' has no node {}", body.body().spec.name, label)
-                       : fmt::format("'{}' has the nodes 1 to {} (-1: the last)", body.body().spec.name, body.nodes()));
+  return nodes_labelled(body.body(), {label}).front();
 }
 
 std::vector<Index> elements_of_set(const SampledBody& body, const std::string& set) {
-  if (!body.body().mesh || body.body().mesh->element_sets.count(set) == 0) no_such_set(body, set);
+  if (!body.body().mesh || find_named(body.body().mesh->element_sets, set) == body.body().mesh->element_sets.end())
+    no_such_set(body, set);
   std::vector<Index> out;
   for (const Index e : body.body().mesh->element_set(set))
     if (const Index own = body.find_element(body.body().mesh->element_label(e)); own >= 0) out.push_back(own);
@@ -201,10 +199,12 @@ std::vector<Index> nodes_at(const SampledBody& body, const Where& where) {
     case Where::Kind::node:
       return {node_of_label(body, where.label)};
     case Where::Kind::nodes:
-      if (!body.body().mesh || body.body().mesh->node_sets.count(where.set) == 0) no_such_set(body, where.set);
+      if (!body.body().mesh || find_named(body.body().mesh->node_sets, where.set) == body.body().mesh->node_sets.end())
+        no_such_set(body, where.set);
       return body.body().mesh->node_set(where.set);
     case Where::Kind::faces:
-      if (!body.body().mesh || body.body().mesh->face_sets.count(where.set) == 0) no_such_set(body, where.set);
+      if (!body.body().mesh || find_named(body.body().mesh->face_sets, where.set) == body.body().mesh->face_sets.end())
+        no_such_set(body, where.set);
       return body.body().mesh->nodes_of_faces(body.body().mesh->face_set(where.set));
     case Where::Kind::elements: {
       std::vector<Index> nodes;

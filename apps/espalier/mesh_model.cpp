@@ -1,0 +1,104 @@
+#include "mesh_model.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <set>
+
+#include "dynamics/mesh/sides.hpp"
+
+namespace espalier::cli {
+
+namespace {
+
+using dynamics::Mesh;
+
+struct Faces {
+  std::string held, pressed;
+};
+
+/// Two face sets that are parts of the surface and share no node.
+Faces choose_faces(const Mesh& mesh, std::size_t surface) {
+  std::vector<std::string> names;  // the smallest first
+  for (const auto& [name, faces] : mesh.face_sets)
+    if (!faces.empty() && faces.size() < surface && name.find('"') == std::string::npos) names.push_back(name);
+  std::stable_sort(names.begin(), names.end(), [&](const std::string& a, const std::string& b) {
+    return mesh.face_sets.at(a).size() < mesh.face_sets.at(b).size();
+  });
+  for (const std::string& held : names) {
+    const std::vector<Index> nodes = mesh.nodes_of_faces(mesh.face_sets.at(held));
+    for (const std::string& pressed : names) {
+      std::vector<Index> both;
+      const std::vector<Index> others = mesh.nodes_of_faces(mesh.face_sets.at(pressed));
+      std::set_intersection(nodes.begin(), nodes.end(), others.begin(), others.end(), std::back_inserter(both));
+      if (both.empty()) return {held, pressed};
+    }
+  }
+  return {names.empty() ? "" : names.front(), ""};
+}
+
+/// The ends of the longest direction.
+Faces ends_of(const dynamics::MeshSurvey& survey) {
+  std::size_t longest = 0;
+  for (std::size_t d = 1; d < 3; ++d)
+    if (survey.most[d] - survey.least[d] > survey.most[longest] - survey.least[longest]) longest = d;
+  const char axis = static_cast<char>('x' + longest);
+  return {std::string(1, axis) + "0", std::string(1, axis) + "1"};
+}
+
+}  // namespace
+
+std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, const std::string& mesh_file,
+                        const std::string& model_file) {
+  const auto refuse = [&](const std::string& what) {
+    throw Error(StatusCode::invalid_input, fmt::format("no model of '{}': {}", mesh_file, what));
+  };
+  if (survey.solids == 0)
+    refuse("it has no solids; shells and beams of models are made by their dimensions (docs/guide/simulate.md)");
+  if (survey.simulated < survey.solids) refuse("it has solids that are not simulated (tet4, tet10, hex8, hex20 are)");
+  Mesh mesh = stated;
+  mesh.drop_unused_nodes();
+  const bool sides = dynamics::add_side_sets(mesh);
+  const Faces faces = sides ? ends_of(survey) : choose_faces(mesh, static_cast<std::size_t>(survey.outer_faces));
+  if (faces.held.empty()) refuse("it names no part of its surface");
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  const fs::path from = model_file.empty() ? fs::path(mesh_file).parent_path() : fs::path(model_file).parent_path();
+  fs::path path = fs::relative(mesh_file, from.empty() ? fs::path(".") : from, ignored);
+  if (path.empty()) path = fs::absolute(mesh_file);
+  const bool millimetres = survey.units.starts_with("mm");
+  std::string material;
+  double young = millimetres ? 210e3 : 210e9;
+  std::set<std::string> of_sections;
+  for (const auto& [set, name] : mesh.section_material) of_sections.insert(name);
+  for (const dynamics::MeshMaterial& m : mesh.materials)
+    if (of_sections.size() == 1 && m.name == *of_sections.begin() && m.young > 0) {
+      young = m.young;
+      material = fmt::format("# The material is that of the file: {}, Young's modulus {:g}.\n", m.name, m.young);
+    }
+  if (material.empty())
+    material = fmt::format(
+        "material = {{ young = {:g}, poisson = 0.3, density = {:g} }}  # of steel in {}; the file states none\n", young,
+        millimetres ? 7.85e-9 : 7850.0, millimetres ? "mm, t, s" : "m, kg, s");
+  std::string sets;
+  for (const auto& [name, list] : mesh.face_sets) sets += (sets.empty() ? "" : ", ") + name;
+  if (sets.size() > 400) sets = sets.substr(0, 400) + " ...";
+  std::string text = fmt::format(
+      "# A first model of {}, written by 'espalier mesh'. It holds one face of the part and presses on another one.\n"
+      "# Face sets: {}{}\n"
+      "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n"
+      "gravity = [0, 0, 0]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = '{}' }}\n{}\n"
+      "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n\n",
+      fs::path(mesh_file).filename().string(), sets, sides ? " (the ends of the part in each direction)" : "",
+      path.string(), material, faces.held);
+  if (!faces.pressed.empty())
+    text +=
+        fmt::format("[forces]\nload = {{ type = \"pressure\", body = \"part\", face = \"{}\", pressure = {:g} }}\n\n",
+                    faces.pressed, young * 1e-6);
+  return text +
+         "[statics]\nlinear = true\n\n[output]\nquantities = [\"clamp.force.x\", \"clamp.force.y\", "
+         "\"clamp.force.z\"]\n";
+}
+
+}  // namespace espalier::cli

@@ -1,0 +1,264 @@
+"""Models: trees of keys and values, made by calls, dictionaries or texts."""
+
+import json
+import os
+import re
+from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
+
+from . import _checks, _core
+from ._errors import InvalidInputError, make_error
+from ._page import Shown
+from ._parts import Parts
+from ._progress import Asked, watching
+from ._result import Result
+from ._toml import _key, _value, toml_of
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+    from typing_extensions import Unpack
+
+    from ._harmonic import ModelHarmonic
+    from ._options import DerivativeOptions, GradientOptions, RunOptions, Sections, SolverOptions
+    from ._parts import HarmonicKeys, Initial, Integrator, Numbers, Output, Statics, Vector
+    from ._sensitivities import Derivatives
+    from ._simulation import Observer
+
+_CALLS = {"bodies": "body", "joints": "joint", "forces": "force", "supports": "support", "surfaces": "surface", "contacts": "contact",
+          "materials": "material", "markers": "marker", "splines": "spline", "events": "event", "sensors": "sensor", "inputs": "input"}
+
+
+def _moved(tree: Any, before: str, after: str) -> Any:
+    """A copy whose files, keys `file`, are the same seen from another folder."""
+    if isinstance(tree, Mapping):
+        return {k: os.path.relpath(os.path.join(before, v), after) if k == "file" and isinstance(v, (str, os.PathLike))
+                and not os.path.isabs(v) else _moved(v, before, after) for k, v in tree.items()}
+    return [_moved(v, before, after) for v in tree] if isinstance(tree, list) else tree
+
+
+class Model(Parts):
+    """A model as a tree of keys and values, those of docs/guide/simulate.md, which is its attribute `tree`.
+
+    Model.load(path) and Model.from_text(text) read one; Model(dictionary) takes the same keys from Python; body(), joint()
+    and so on add named parts, and check them at once: keys, kinds and ranges. What a part refers to is looked for by
+    check(), or when something is run. Every model can be changed, and saved by save(path).
+    """
+
+    def __init__(self, tree: "Mapping[str, Any] | None" = None, *, title: "str | None" = None, gravity: "Vector | None" = None,
+                 parameters: "Mapping[str, float | str] | None" = None, integrator: "Integrator | None" = None,
+                 statics: "Statics | None" = None, initial: "Initial | None" = None, harmonic: "HarmonicKeys | None" = None,
+                 output: "Output | None" = None, solver: "SolverOptions | None" = None, **sections: "Unpack[Sections]") -> None:
+        """tree: all of a model. The others are keys at its top, instead of those of the tree; sections: bodies={...} and the
+        like, as a tree has them."""
+        given = {"title": title, "gravity": gravity, "parameters": parameters, "integrator": integrator, "statics": statics,
+                 "initial": initial, "harmonic": harmonic, "output": output, "solver": solver, **sections}
+        known = next(keys for section, _, keys in _core.model_part_keys() if not section)
+        for key in sections:
+            if key not in known:
+                raise TypeError(f"Model(): there is no argument {key!r}{_checks.near(key, known)}")
+        self.tree: "dict[str, Any]" = {**_checks.mapping(tree, "tree"), **{k: v for k, v in given.items() if v is not None}}
+        self._name = "model"  # of the text in messages; its folder is where files are
+        self._read: "tuple[str, str] | None" = None  # a text that was read, and what the tree made of it as it was then
+
+    @classmethod
+    def load(cls, path: "str | os.PathLike[str]") -> "Model":
+        """Of a model file, which is read now; files that it names are looked for beside it."""
+        path = _checks.path(path, "path")
+        return cls._of(_core.read_text(path), path)
+
+    @classmethod
+    def from_text(cls, text: str) -> "Model":
+        """Of a model text (TOML); files that it names are looked for in the current folder."""
+        return cls._of(_checks.text(text, "text"), "model")
+
+    @classmethod
+    def _of(cls, text: str, name: str) -> "Model":
+        model = cls(json.loads(_core.model_as_json(text, name)))
+        model._name, model._read = name, (text, toml_of(model.tree))
+        return model
+
+    @property
+    def text(self) -> str:
+        """As TOML; what was read and not changed stays as it was written."""
+        written = toml_of(self.tree)
+        return self._read[0] if self._read is not None and self._read[1] == written else written
+
+    def save(self, path: "str | os.PathLike[str]") -> None:
+        """Writes the model as a file. Paths of meshes and tables are written so that they lead to the same files from there;
+        comments of a text that was read stay where nothing was changed."""
+        path = _checks.path(path, "path")
+        before, after = (os.path.dirname(os.path.abspath(p)) for p in (self._name, path))
+        written = toml_of(self.tree if before == after else _moved(self.tree, before, after))
+        with open(path, "w", encoding="utf-8") as file:
+            file.write(self._read[0] if self._read is not None and self._read[1] == written else written)
+
+    def check(self, *, set: "Mapping[str, Any] | None" = None) -> None:
+        """Reads all of the model without assembling it: keys, kinds, ranges, names of parts. Raises InvalidInputError for what
+        is wrong. Names of faces and of quantities are known when it is run."""
+        self._raise(_core.check_model(self.text, self._name, _settings(set)))
+
+    def _raise(self, status: "tuple[int, str, int]") -> None:
+        """An error, without the lines of a text that nobody wrote."""
+        code, message, row = status
+        if code == 0:
+            return
+        message = message.replace("--set: harmonic.", "Model.harmonic(): ").replace("--set: ", "set: ")
+        if self._read is None or self.text != self._read[0]:
+            message = re.sub(rf"(^|: ){re.escape(self._name)}(:\d+)?: ", r"\1", re.sub(r" \(line \d+\)", "", message))
+        raise make_error(code, message, row)
+
+    def part(self, section: str, name: str, /, keys: Any) -> str:
+        """Adds a part to a section by its name ("bodies"), as body() and the others do: for programs whose keys come from
+        elsewhere. Returns the name."""
+        call = f"Model.{_CALLS.get(section, section)}({name!r})"
+        try:
+            _checks.choice(section, "section", _CALLS)
+            _checks.text(name, "the name")
+            if isinstance(keys, Mapping):  # words of Python: from_, global_
+                keys = {k.removesuffix("_"): v for k, v in _checks.mapping(keys, "keys").items() if v is not None}
+            parts = dict(_checks.mapping(self.tree.get(section), section))
+            if name in parts:
+                raise ValueError(f"{section}.{name} is there already")
+            self._check_part(section, name, keys)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InvalidInputError):
+                raise
+            raise type(error)(f"{call}: {error}") from None
+        parts[name] = keys
+        self.tree[section] = parts
+        return name
+
+    def _check_part(self, section: str, name: str, keys: Any) -> None:
+        value = ("{" + ", ".join(f"{_key(k)} = {_value(v, k)}" for k, v in keys.items()) + "}" if isinstance(keys, Mapping)
+                 else _value(keys, "value"))
+        text = f"{section}.{_key(name)} = {value}\n"
+        if self.tree.get("parameters"):
+            text += toml_of({"parameters": self.tree["parameters"]})
+        code, message, row = _core.check_model_part(section, name, text, self._name)
+        if code != 0:
+            message = re.sub(r"^(\S+): unknown key", lambda m: f"unknown key {m[1]!r}", re.sub(r"^:\d+: ", "", message))
+            raise make_error(code, f"Model.{_CALLS.get(section, section)}({name!r}): {message}", row)
+
+    def run(self, until: "float | None" = None, *, observer: "Observer | None" = None, progress: Asked = "auto",
+            **options: "Unpack[RunOptions]") -> Result:
+        """Simulation(model, until=until, **options).run(observer, progress). To go on after Ctrl-C, make the Simulation
+        yourself."""
+        from ._simulation import Simulation
+
+        return Simulation(self, until=until, **options).run(observer, progress=progress)
+
+    def statics(self, *, linear: "bool | None" = None, load: "float | None" = None, tolerance: "float | None" = None,
+                time: "float | None" = None, observer: "Observer | None" = None, progress: Asked = "auto",
+                **options: "Unpack[RunOptions]") -> Result:
+        """The equilibrium of the model, which needs no section for that: the run of [statics] in the place of [integrator].
+        linear: small displacements, one solve; load: factor of the loads at the end (1); time: at which functions of time
+        are taken; they stand instead of the same keys of [statics]. options: those of Simulation."""
+        given = {"linear": linear, "load": load, "tolerance": tolerance, "time": time}
+        keys = {**_checks.mapping(self.tree.get("statics"), "statics"), **{k: v for k, v in given.items() if v is not None}}
+        initial = {k: v for k, v in _checks.mapping(self.tree.get("initial"), "initial").items() if k != "statics"}
+        return self._with(statics=keys, integrator=None, initial=initial or None).run(observer=observer, progress=progress, **options)
+
+    def _with(self, **sections: Any) -> "Model":
+        """A copy with other sections; None: without it."""
+        other = Model({k: v for k, v in {**self.tree, **sections}.items() if v is not None})
+        other._name = self._name
+        return other
+
+    def modes(self, count: int = 6, *, set: "Mapping[str, Any] | None" = None, progress: Asked = "auto",
+              **solver: "Unpack[SolverOptions]") -> "NDArray[np.void]":
+        """Natural frequencies of the model, linearised about its start: at rest, in the equilibrium of [initial] statics or
+        [statics], or about its steady motion. Nothing is run, and no section is needed. Returns a row for each mode, by
+        rising modulus of the exponent, with the fields mode, frequency (cycles per unit of time), damping_ratio, growth, whirl and
+        standing_frequency (docs/use/modes.md). set and solver: as for Simulation."""
+        return self._modes("", [0.0], _checks.whole(count, "count", 1), set, progress, solver)
+
+    def modes_over(self, number: str, values: "Iterable[float]", count: int = 0, *,
+                   set: "Mapping[str, Any] | None" = None, progress: Asked = "auto",
+                   **solver: "Unpack[SolverOptions]") -> "NDArray[np.void]":
+        """modes() for each value of a number of the model. number: a path, "parameters.speed"; "initial.rotation.speed"
+        makes a Campbell diagram, and changes the parameter that stands there, if one does. count: of modes; 0: as many
+        as [initial] modes says, or 6. Returns a NumPy array with the fields value, mode, frequency, damping_ratio,
+        growth, whirl and standing_frequency (docs/use/modes.md), a row for each mode. set and solver: as for Simulation.
+        Raises what a Simulation raises. Nothing moves."""
+        if not _checks.text(number, "number"):
+            raise ValueError("number is empty; it must be a path, \"parameters.speed\"")
+        return self._modes(number, _checks.reals(values, "values"), _checks.whole(count, "count"), set, progress, solver)
+
+    def _modes(self, number: str, values: "list[float]", count: int, set: Any, progress: Asked, solver: Any) -> Any:
+        import numpy as np
+
+        names = ("value", "mode", "frequency", "damping_ratio", "growth", "whirl", "standing_frequency")
+        options = _checks.options(solver)
+        with watching(progress, "seeking modes"):
+            status, rows, _ = _core.model_modes(self.text, self._name, number, values, count, _settings(set), options)
+        self._raise(status)
+        first = 0 if number else 1  # without the value that nobody gave
+        return np.array([row[first:] for row in rows], dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names[first:]])
+
+    def harmonic(self, *, loads: Any = None, quantities: "Iterable[str]" = (), frequencies: "Numbers | None" = None,
+                 between: "tuple[float, float] | None" = None, points: "int | None" = None,
+                 logarithmic: "bool | None" = None, tolerance: "float | None" = None,
+                 loss_factor: "float | None" = None, max_solves: "int | None" = None, shapes_at: "Numbers | None" = None,
+                 set: "Mapping[str, Any] | None" = None, out: "str | os.PathLike[str]" = "",
+                 progress: Asked = "auto", **solver: "Unpack[SolverOptions]") -> "ModelHarmonic":
+        """The frequency response of the model, linearised where it starts, in its equilibrium with [initial] statics or
+        [statics]: an espalier.ModelHarmonic. What is given here stands instead of the same keys of its section
+        [harmonic], which may be absent: loads, names of forces, motors or inputs, or a dictionary of load cases,
+        {"turning": {"x": 1, "y": -1j}}, with real or complex amplitudes; quantities, names; frequencies, rising, or
+        between, (lowest, highest), with points; the rest as for espalier.harmonic(). set, out and solver: as for
+        Simulation. Nothing moves. Raises what a Simulation raises; warns with AccuracyWarning where some frequencies lie
+        on a resonance without damping (NaN), or the tolerance was not reached."""
+        from ._harmonic import model_harmonic
+
+        low, high = (None, None) if between is None else _checks.interval(between, "between")
+        keys = {"loads": loads, "quantities": _checks.texts(quantities, "quantities") or None,
+                "frequencies": frequencies, "from": low, "to": high, "points": points, "logarithmic": logarithmic,
+                "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
+        return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
+                              _checks.path(out, "out"), progress, solver)
+
+    def show(self, *, height: int = 640, until: "float | None" = None, **options: "Unpack[RunOptions]") -> Shown:
+        """The assembled model before it runs, with its joints, as a page: in a notebook in the cell, else in a browser.
+        options: those of Simulation."""
+        from ._simulation import Simulation
+
+        options["out"] = ""
+        return Simulation(self, until=until, **options).result().show(height=height)
+
+    def derivatives(self, parameters: "Iterable[str] | Mapping[str, float]", **options: "Unpack[DerivativeOptions]") -> "Derivatives":
+        """espalier.derivatives(model, parameters, **options): a run with the derivatives of its quantities."""
+        from ._sensitivities import derivatives
+
+        return derivatives(self, parameters, **options)
+
+    def gradient(self, quantity: "str | Callable[[Any, Any], tuple[float, Any]]", parameters: "Iterable[str] | Mapping[str, float]",
+                 **options: "Unpack[GradientOptions]") -> "tuple[float, NDArray[np.float64]]":
+        """A quantity at the end of a run and its gradient by parameters, (P,): what scipy.optimize.minimize takes with
+        jac=True. options: those of espalier.derivatives(), set={path: value} among them. A function takes the place of
+        the quantity where the number comes from the whole run: espalier.objective_gradient(model, function, ...)."""
+        if callable(quantity):
+            from ._sensitivities import objective_gradient
+
+            return objective_gradient(self, quantity, parameters, **options)
+        options["quantities"] = [quantity]
+        found = self.derivatives(parameters, **options)
+        return found.value(quantity), found.gradient(quantity)
+
+    def __repr__(self) -> str:
+        counts = [f"{len(v)} {k}" for k, v in self.tree.items() if k in _CALLS and isinstance(v, Mapping)]
+        title = self.tree.get("title") or (self._name if self._read is not None else "")
+        return f"<espalier.Model{f' {title!r}' if title else ''}: {', '.join(counts) or 'empty'}>"
+
+
+def _settings(given: "Mapping[str, Any] | None") -> "list[str]":
+    """Values to be replaced, as the extension module takes them."""
+    return [f"{k}={_value(v, k)}" for k, v in _checks.mapping(given, "set").items()]
+
+
+def model_of(given: "Model | Mapping[str, Any] | str | os.PathLike[str]") -> Model:
+    """A model, that of a dictionary, or that in a file."""
+    if isinstance(given, Model):
+        return given
+    if isinstance(given, Mapping):
+        return Model(given)
+    return Model.load(_checks.path(given, "model"))

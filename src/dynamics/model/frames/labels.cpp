@@ -1,0 +1,57 @@
+#include "dynamics/model/frames/labels.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <stdexcept>
+#include <utility>
+
+namespace espalier::dynamics::model {
+namespace {
+
+using Labelled = std::vector<std::pair<std::int64_t, Index>>;
+
+/// Sorted by labels.
+Labelled labels_of(const BuiltBody& body) {
+  Labelled all;
+  const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape);
+  for (Index k = 0; k < body.flexible->nodes(); ++k)
+    all.emplace_back(substructure != nullptr ? substructure->nodes[static_cast<std::size_t>(k)].label
+                     : body.mesh             ? body.mesh->node_label(k)
+                                             : std::int64_t{k} + 1,
+                     k);
+  std::sort(all.begin(), all.end());
+  return all;
+}
+
+[[noreturn]] void no_such_node(const BuiltBody& body, const Labelled& all, Labelled::const_iterator next,
+                               std::int64_t label) {
+  constexpr std::ptrdiff_t kBefore = 2, kShown = 4;
+  auto from = next - std::min(kBefore, next - all.begin());
+  from -= std::min(from - all.begin(), std::max<std::ptrdiff_t>(0, kShown - (all.end() - from)));
+  std::vector<std::int64_t> near;
+  for (auto it = from; it != all.end() && it - from < kShown; ++it) near.push_back(it->first);
+  const bool numbered = !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape);
+  throw std::invalid_argument(
+      fmt::format("'{}' has no node {}: its {} nodes are {} {} to {}{}", body.spec.name, label, all.size(),
+                  numbered ? "numbered" : "labelled", all.front().first, all.back().first,
+                  numbered ? " (-1: the last)" : fmt::format(", the nearest labels are {}", fmt::join(near, ", "))));
+}
+
+}  // namespace
+
+std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels) {
+  const Labelled all = labels_of(body);
+  const bool counted = !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape);
+  std::vector<Index> nodes;
+  for (std::int64_t label : labels) {
+    if (counted && label == -1) label = all.back().first;
+    const auto found = std::lower_bound(all.begin(), all.end(), std::pair{label, Index{0}});
+    if (found == all.end() || found->first != label) no_such_node(body, all, found, label);
+    nodes.push_back(found->second);
+  }
+  return nodes;
+}
+
+}  // namespace espalier::dynamics::model

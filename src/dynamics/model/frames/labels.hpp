@@ -1,0 +1,17 @@
+/// \file
+/// Nodes by the numbers that their mesh file gives them.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "dynamics/model/mechanism.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Nodes with these labels, in their order: of meshes and substructures as in the file (meshes of our own: from 1), of
+/// cables, beams and shells counted from 1, -1 the last.
+/// @throws std::invalid_argument for a label that is not there, with those that are near
+[[nodiscard]] std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels);
+
+}  // namespace espalier::dynamics::model
