@@ -20,7 +20,7 @@ out=${1:-build/wheels}
 platform=${ESPALIER_PLATFORM:-manylinux_2_34_$(uname -m)}
 raw=$(mktemp -d)
 trap 'rm -rf "$raw"' EXIT
-ESPALIER_PETSC=OFF "$python" -m pip wheel --quiet --no-deps --wheel-dir "$raw" "./$package"
+ESPALIER_CUDA=OFF ESPALIER_PETSC=OFF "$python" -m pip wheel --quiet --no-deps --wheel-dir "$raw" "./$package"
 made=$(basename "$raw/$name"-*.whl | sed -E 's/-[^-]*\.whl$//')
 rm -f "$out/$made"-*.whl  # of another platform's name
 PATH="$(dirname "$("$python" -c 'import sys; print(sys.executable)')"):$PATH" \
