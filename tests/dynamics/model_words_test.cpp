@@ -201,6 +201,38 @@ quantities = ["wall.force", "bar[node 100].reaction.y", "pull.a.position"]
   for (std::size_t k = 0; k < 7; ++k) EXPECT_NEAR(light[k], weighty[k], 1e-6 * std::abs(weighty[k]) + 1e-6);
 }
 
+// A file without labels: its points count from 1, and those that no element uses count, too.
+TEST_F(MeshOfTwo, PointsOfVtkCountFromOne) {
+  std::ofstream(std::filesystem::path(file()).parent_path() / "tet.vtk")
+      << "# vtk DataFile Version 3.0\ntet\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS 5 double\n0 0 0\n9 9 9\n1 0 0\n0 1 "
+         "0\n"
+         "0 0 1\nCELLS 1 5\n4 0 2 3 4\nCELL_TYPES 1\n10\n";
+  const std::string text = R"([bodies.tet]
+type = "solid"
+mesh = { file = "tet.vtk" }
+material = { young = 1e9, poisson = 0.3 }
+[supports.wall]
+body = "tet"
+nodes = [1, 3, 4]
+hold = "all"
+[forces.up]
+type = "load"
+a = { body = "tet", node = 5 }
+force = [0, 0, 1]
+[statics]
+linear = true
+[output]
+quantities = ["wall.force.z", "up.a.position.z"]
+)";
+  const std::vector<double> found = solved(text);
+  ASSERT_EQ(found.size(), 2U);
+  EXPECT_NEAR(found[0], -1, 1e-9);
+  EXPECT_NEAR(found[1], 1, 1e-6);
+  expect_refusals({{"unused", replaced(text, "[1, 3, 4]", "[1, 2]"), {"has no node 2", "4 nodes", "1 to 5"}},
+                   {"zero", replaced(text, "[1, 3, 4]", "[0, 1]"), {"has no node 0", "1, 3, 4, 5"}}},
+                  file());
+}
+
 TEST_F(MeshOfTwo, NodeSetsTurnWhereJointsNeedAxes) {
   const std::string hinged = bar(R"([joints.hinge]
 type = "revolute"

@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <numeric>
 #include <stdexcept>
 
 #include "dynamics/mesh/names.hpp"
@@ -143,6 +144,10 @@ std::vector<Index> Mesh::pieces(std::span<const Index> elements) const {
 Index Mesh::drop_unused_nodes() {
   std::vector<Index> renumbered(nodes.size(), -1);
   for (const Index n : connectivity_) renumbered[static_cast<std::size_t>(n)] = 0;
+  if (node_labels.empty() && std::find(renumbered.begin(), renumbered.end(), -1) != renumbered.end()) {
+    node_labels.resize(nodes.size());  // those that stay keep the number that they have
+    std::iota(node_labels.begin(), node_labels.end(), std::int64_t{1});
+  }
   Index kept = 0;
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     if (renumbered[n] < 0) continue;

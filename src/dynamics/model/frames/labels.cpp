@@ -12,15 +12,16 @@ namespace {
 
 using Labelled = std::vector<std::pair<std::int64_t, Index>>;
 
+std::int64_t label_of(const BuiltBody& body, Index node) {
+  if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape))
+    return substructure->nodes[static_cast<std::size_t>(node)].label;
+  return body.mesh ? body.mesh->node_label(node) : std::int64_t{node} + 1;
+}
+
 /// Sorted by labels.
 Labelled labels_of(const BuiltBody& body) {
   Labelled all;
-  const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape);
-  for (Index k = 0; k < body.flexible->nodes(); ++k)
-    all.emplace_back(substructure != nullptr ? substructure->nodes[static_cast<std::size_t>(k)].label
-                     : body.mesh             ? body.mesh->node_label(k)
-                                             : std::int64_t{k} + 1,
-                     k);
+  for (Index k = 0; k < body.flexible->nodes(); ++k) all.emplace_back(label_of(body, k), k);
   std::sort(all.begin(), all.end());
   return all;
 }
@@ -42,11 +43,17 @@ Labelled labels_of(const BuiltBody& body) {
 }  // namespace
 
 std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels) {
-  const Labelled all = labels_of(body);
   const bool counted = !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape);
+  const Index last = body.flexible->nodes();
+  if (labels.size() == 1) {  // one way through them is less than to sort them
+    const std::int64_t label = counted && labels[0] == -1 ? last : labels[0];
+    for (Index k = 0; k < last; ++k)
+      if (label_of(body, k) == label) return {k};
+  }
+  const Labelled all = labels_of(body);
   std::vector<Index> nodes;
   for (std::int64_t label : labels) {
-    if (counted && label == -1) label = all.back().first;
+    if (counted && label == -1) label = last;
     const auto found = std::lower_bound(all.begin(), all.end(), std::pair{label, Index{0}});
     if (found == all.end() || found->first != label) no_such_node(body, all, found, label);
     nodes.push_back(found->second);

@@ -4,13 +4,19 @@
 
 #include <algorithm>
 #include <cctype>
+#include <map>
+#include <set>
 
 namespace espalier::dynamics::model {
 namespace {
 
 class FrameNames {
  public:
-  explicit FrameNames(Description& model) : model_(model) {}
+  explicit FrameNames(Description& model) : model_(model), bodies_({"ground"}) {
+    for (const BodySpec& body : model.bodies) bodies_.insert(body.name);
+    for (const JointSpec& joint : model.joints) frames_.emplace(joint.name, &joint.frames);
+    for (const ForceSpec& force : model.forces) frames_.emplace(force.name, &force.frames);
+  }
 
   void settle(MarkerSpec& frame) {
     if (frame.reference.empty() || model_.markers.contains(frame.reference)) return;
@@ -26,8 +32,7 @@ class FrameNames {
       take(copy, frame);
       return;
     }
-    const auto named = [&](const BodySpec& body) { return body.name == name; };
-    if (name != "ground" && std::none_of(model_.bodies.begin(), model_.bodies.end(), named)) unknown(frame);
+    if (!bodies_.contains(name)) unknown(frame);
     MarkerSpec whole;
     whole.body = name;
     take(whole, frame);
@@ -41,29 +46,18 @@ class FrameNames {
   }
 
   [[nodiscard]] const MarkerSpec* frame_of(const std::string& object, const std::string& letter) const {
+    const auto found = frames_.find(object);
     const std::size_t which = letter.size() == 1 ? static_cast<std::size_t>(letter[0] - 'a') : 4;
-    const auto find = [&](const auto& list) -> const MarkerSpec* {
-      for (const auto& item : list)
-        if (item.name == object && which < item.frames.size()) return &item.frames[which];
-      return nullptr;
-    };
-    const MarkerSpec* found = find(model_.joints);
-    return found != nullptr ? found : find(model_.forces);
+    return found != frames_.end() && which < found->second->size() ? &(*found->second)[which] : nullptr;
   }
 
   [[noreturn]] void unknown(const MarkerSpec& frame) const {
     std::vector<std::string> names = {"ground"};
     for (const auto& [name, marker] : model_.markers) names.push_back(name);
     for (const BodySpec& body : model_.bodies) names.push_back(body.name);
-    const auto add = [&](const auto& list) {
-      for (const auto& item : list)
-        for (std::size_t k = 0; k < item.frames.size(); ++k)
-          names.push_back(fmt::format("{}.{}", item.name, "abcd"[k]));
-    };
-    if (frame.reference.find('.') != std::string::npos) {
-      add(model_.joints);
-      add(model_.forces);
-    }
+    if (frame.reference.find('.') != std::string::npos)
+      for (const auto& [name, frames] : frames_)
+        for (std::size_t k = 0; k < frames->size(); ++k) names.push_back(fmt::format("{}.{}", name, "abcd"[k]));
     fail(frame.place,
          fmt::format("unknown marker '{}': there is no marker, no body and no frame of a joint or force of "
                      "that name{}",
@@ -71,6 +65,8 @@ class FrameNames {
   }
 
   Description& model_;
+  std::set<std::string> bodies_;                                  // with the ground
+  std::map<std::string, const std::vector<MarkerSpec>*> frames_;  // of joints and forces
   int depth_ = 0;
 };
 
