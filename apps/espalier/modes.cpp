@@ -16,6 +16,7 @@
 #include "base/output_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
+#include "dynamics/mesh/read/formats.hpp"
 #include "launched_ranks.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/matrix_market.hpp"
@@ -53,6 +54,8 @@ struct ModesCommand {
 
 std::pair<SparseMatrix, SparseMatrix> ModesCommand::matrices(base::ThreadPool& pool) const {
   if (generator.empty()) {
+    if (const std::string advice = dynamics::mesh_is_no_model(k_file); !advice.empty() && m_file.empty())
+      throw Error(StatusCode::invalid_input, advice);
     if (k_file.empty() || m_file.empty())
       throw Error(StatusCode::invalid_input, "give two matrix files, K and M, or --generate \"elasticity NX NY NZ\"");
     const matrix::ReadOptions from_file = reading(pool, quiet || json);

@@ -87,6 +87,6 @@ def test_files_of_meshio(tmp_path):
     given = meshio.Mesh(CUBE, [("hexahedron", [list(range(8))])])
     given.write(tmp_path / "cube.vtu")
     esp.Simulation({"bodies": {"part": {"type": "solid", "mesh": esp.from_meshio(meshio.read(tmp_path / "cube.vtu")), "material": STEEL}}, "integrator": {"end": 1e-6}}).run()
-    for name, keys in (("a.vtu", {"binary": False}), ("b.vtu", {}), ("c.vtu", {"compression": None}), ("d.vtk", {}), ("e.msh", {}), ("f.inp", {}), ("g.mesh", {}), ("h.bdf", {})):
+    for name, keys in (("a.vtu", {"binary": False}), ("b.vtu", {}), ("c.vtu", {"compression": None}), ("d.vtk", {}), ("e.msh", {"file_format": "gmsh"}), ("i.msh", {"file_format": "gmsh22", "binary": False}), ("f.inp", {}), ("g.mesh", {}), ("h.bdf", {})):
         given.write(tmp_path / name, **keys)  # our own readers read what meshio writes
         esp.Simulation({"bodies": {"part": {"type": "solid", "mesh": {"file": str(tmp_path / name)}, "material": STEEL}}, "integrator": {"end": 1e-6}}).run()

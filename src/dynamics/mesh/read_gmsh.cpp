@@ -107,6 +107,8 @@ class GmshReader {
     while (reader_.next(line)) {
       line = trim(line);
       if (line.empty()) continue;
+      if (line.front() == '(')
+        reader_.fail("this looks like a mesh of Fluent, which is not read; save it as one of Gmsh, version 4.1");
       if (line.front() != '$')
         reader_.fail(fmt::format("expected a section like $Nodes, found '{}'", line.substr(0, 40)));
       const std::string section(line.substr(1));

@@ -311,10 +311,12 @@ class CdbReader {
         if (const auto found = index_.find(n); found != index_.end()) set.push_back(found->second);
       });
     }
-    for (const auto& [name, listed] : element_components_)
+    for (const auto& [name, listed] : element_components_) {
+      const std::string& set = name;  // clang 14 captures no structured bindings
       members(name, listed, by_number_.size(), [&](std::int64_t n) {
-        if (const auto found = by_number_.find(n); found != by_number_.end()) elements_.put(found->second, name);
+        if (const auto found = by_number_.find(n); found != by_number_.end()) elements_.put(found->second, set);
       });
+    }
   }
 
   void add_materials() {

@@ -1,0 +1,75 @@
+#!/usr/bin/env python3
+"""`espalier mesh`: what a file holds, and first models that run as they are written. Truth: a block by hand."""
+
+import json
+import pathlib
+import unittest
+
+from cli_test import Cli
+
+ROOT = pathlib.Path(__file__).resolve().parents[2]
+
+
+def block(nx, material, more=""):
+    """nx x 1 x 1 cubes of edge 1 as an Abaqus deck."""
+    node = lambda i, j, k: 1 + i + (nx + 1) * (j + 2 * k)
+    lines = ["*NODE"] + [f"{node(i, j, k)},{i}.,{j}.,{k}." for k in (0, 1) for j in (0, 1) for i in range(nx + 1)]
+    lines += ["*ELEMENT, TYPE=C3D8, ELSET=ALL"]
+    for i in range(nx):
+        corners = [node(i + a, b, c) for c in (0, 1) for a, b in ((0, 0), (1, 0), (1, 1), (0, 1))]
+        lines.append(",".join(map(str, [i + 1] + corners)))
+    return "\n".join(lines) + "\n" + more + material
+
+
+STEEL = "*MATERIAL, NAME=Steel\n*ELASTIC\n2.1e11, 0.3\n*DENSITY\n7850\n*SOLID SECTION, ELSET=ALL, MATERIAL=STEEL\n"
+
+
+class Meshes(Cli):
+    def write(self, name, text):
+        return str(self.file(name, text))
+
+    def test_what_a_file_holds(self):
+        path = self.write("part.inp", block(4, STEEL, "*ELEMENT, TYPE=MASS\n99, 1\n*STEP\n*STATIC\n*END STEP\n"))
+        found = json.loads(self.expect(0, "mesh", path, "--json").stdout)
+        self.assertEqual((found["nodes"], found["elements"]), (20, {"hex8": 4}))
+        self.assertAlmostEqual(found["solids"]["volume"], 4, places=13)
+        self.assertEqual([round(x, 12) for x in found["solids"]["centre"]], [2, 0.5, 0.5])
+        self.assertEqual(found["materials"][0]["young"], 2.1e11)
+        self.assertTrue(any("MASS (1)" in n for n in found["notices"]), found["notices"])
+        text = self.expect(0, "mesh", path).stdout
+        for part in ("4 hex8 on 20 nodes", "4 x 1 x 1", "m, kg, s", "Steel", "*STEP (1)"):
+            self.assertIn(part, text)
+
+    def test_first_models_run(self):
+        # The pressure on the far end, 1e-6 of Young's modulus: the clamp bears it.
+        for name, material, young in (("steel.inp", STEEL, 2.1e11), ("none.inp", "", 2.1e11)):
+            path = self.write(name, block(4, material))
+            model = str(self.folder / (name + ".toml"))
+            self.expect(0, "mesh", path, "--model", model)
+            results = self.folder / (name + ".out")
+            self.expect(0, "simulate", model, "--out", str(results))
+            names, *rows = (results / "quantities.csv").read_text().splitlines()
+            force = float(rows[-1].split(",")[names.split(",").index("clamp.force.x")])
+            self.assertAlmostEqual(force / (young * 1e-6), 1, places=9)
+            self.assertIn("there already", self.expect(2, "mesh", path, "--model", model).stderr)
+        page = self.folder / "page"
+        self.expect(0, "mesh", path, "--page", str(page))
+        self.assertIn("<html", (page / "index.html").read_text()[:400].lower())
+
+    def test_what_is_wrong_is_said(self):
+        self.assertIn("name a mesh file", self.expect(2, "mesh").stderr)
+        self.assertIn("there is no file", self.expect(2, "mesh", str(self.folder / "none.inp")).stderr)
+        self.assertIn("unknown kind of mesh file", self.expect(2, "mesh", self.write("a.txt", "")).stderr)
+        shell = self.write("shell.inp", "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT, TYPE=S4\n1,1,2,3,4\n")
+        self.assertIn("no solids", self.expect(2, "mesh", shell, "--model", str(self.folder / "s.toml")).stderr)
+        deck = self.write("deck.inp", block(1, STEEL))
+        for command in ("simulate", "modes"):
+            self.assertIn("is a mesh", self.expect(2, command, deck).stderr)
+
+    def test_the_table_of_formats_is_that_of_the_guide(self):
+        table = self.expect(0, "mesh", "--formats").stdout
+        self.assertIn(table, (ROOT / "docs/guide/your_files.md").read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()
