@@ -49,10 +49,11 @@ std::vector<double> values_of(const std::string& text, const char* option) {
 }
 
 Sweep sweep_of(const ModelModesCommand& c) {
-  if (c.speeds.empty() == c.over.empty())
+  if (c.speeds.empty() && c.over.empty()) return {"", {0}};  // the model as it is
+  if (!c.speeds.empty() && !c.over.empty())
     throw Error(StatusCode::invalid_input,
                 "modes of a model: give --speeds BEGIN:END:STEP, of its [initial] rotation, or --over "
-                "PATH=BEGIN:END:STEP, of another number");
+                "PATH=BEGIN:END:STEP, of another number; not both");
   if (!c.speeds.empty()) return {"initial.rotation.speed", values_of(c.speeds, "--speeds")};
   const std::size_t equals = c.over.find('=');
   if (equals == std::string::npos || equals == 0)
@@ -67,14 +68,18 @@ std::string direction(const SimulationMode& m) {
 }
 
 std::string table_of(const ModelModesResult& r) {
-  Table table(">>>>>>>");
-  table.add({r.number, "mode", "frequency", "damping", "growth", "whirl", "standing"}, Tone::quiet);
+  const bool sweep = !r.number.empty();
+  Table table(sweep ? ">>>>>>>" : ">>>>>>");
+  std::vector<std::string> head = {r.number, "mode", "frequency", "damping", "growth", "whirl", "standing"};
+  table.add({head.begin() + (sweep ? 0 : 1), head.end()}, Tone::quiet);
   for (const ModelModesPoint& p : r.points)
     for (std::size_t k = 0; k < p.modes.size(); ++k) {
       const SimulationMode& m = p.modes[k];
-      table.add({fmt::format("{:.6g}", p.value), fmt::format("{}", k + 1), fmt::format("{:.9g}", m.frequency),
-                 fmt::format("{:.4g}", m.damping_ratio), fmt::format("{:.9g}", m.growth), direction(m),
-                 std::isnan(m.standing_frequency) ? "-" : fmt::format("{:.9g}", m.standing_frequency)});
+      const std::vector<std::string> row = {
+          fmt::format("{:.6g}", p.value), fmt::format("{}", k + 1), fmt::format("{:.9g}", m.frequency),
+          fmt::format("{:.4g}", m.damping_ratio), fmt::format("{:.9g}", m.growth), direction(m),
+          std::isnan(m.standing_frequency) ? "-" : fmt::format("{:.9g}", m.standing_frequency)};
+      table.add({row.begin() + (sweep ? 0 : 1), row.end()});
     }
   return table.text();
 }

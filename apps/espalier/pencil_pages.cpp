@@ -66,8 +66,10 @@ Sheet model_modes_sheet(const std::string& source, const ModelModesResult& r, Sh
   Sheet sheet(source, std::move(report));
   std::size_t most = 0;
   for (const ModelModesPoint& p : r.points) most = std::max(most, p.modes.size());
-  sheet.set_facts(fmt::format("{} for {}", counted(static_cast<Index>(most), "mode", "modes"),
-                              counted(static_cast<Index>(r.points.size()), "value", "values")));
+  const std::string count = counted(static_cast<Index>(most), "mode", "modes");
+  sheet.set_facts(r.number.empty() ? count
+                                   : fmt::format("{} for {}", count,
+                                                 counted(static_cast<Index>(r.points.size()), "value", "values")));
   if (most == 0) return sheet;
   const bool several = r.points.size() > 1;
   const auto plot = [&](const std::string& title, const std::string& name, double SimulationMode::*member) {

@@ -79,7 +79,11 @@ fs::path page_of_model(const std::string& model) {
   SimulationOptions options;
   options.page = false;
   Simulation simulation(options);
-  if (const Status status = simulation.load(model); !status.ok()) throw Error(status);
+  if (const Status status = simulation.load(model); !status.ok()) {
+    options.set = {"integrator.end=1"};  // a model in the making may not say yet what is to be run
+    simulation = Simulation(options);
+    if (!simulation.load(model).ok()) throw Error(status);
+  }
   fs::path file =
       fs::temp_directory_path() / fmt::format("espalier-{}-{}.html", fs::path(model).stem().string(), ::getuid());
   base::OutputFile out(file.string());

@@ -27,8 +27,8 @@ struct ModelModesResult {
 /// equilibrium of `[initial] statics` or `[statics]`, which rotates where `[initial] rotation` says so. No motion is
 /// run.
 /// @param number  path of a number of the model's text: "initial.rotation.speed" is the one of a Campbell diagram,
-///   "parameters.speed" one of the model's own; "":
-///   none, and one value that is not read
+///   "parameters.speed" one of the model's own; "": the
+///   model is taken as it is, and `values` is one number that counts for nothing
 /// @param count  of modes; 0: as many as the model says
 ModelModesResult model_modes(const std::string& path, const std::string& number, const std::vector<double>& values,
                              int count = 0, const SimulationOptions& options = {});
@@ -37,7 +37,7 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
                                      const std::vector<double>& values, int count = 0,
                                      const SimulationOptions& options = {});
 
-/// Its rows as CSV: value, mode, frequency, damping_ratio, growth, whirl, standing_frequency.
+/// Its rows as CSV: value (where a number is changed), mode, frequency, damping_ratio, growth, whirl, standing_frequency.
 [[nodiscard]] std::string modes_table(const ModelModesResult& result);
 
 }  // namespace espalier

@@ -37,6 +37,37 @@ class Modes(Cli):
         self.assertLess(report["orthogonality"], 1e-12)
         self.assertGreaterEqual(report["factorizations"], 1)
 
+    def test_a_model_as_it_stands(self):
+        model = self.file("spring.toml", """
+[bodies.mass]
+type = "rigid"
+mass = 2
+inertia = [1, 1, 1]
+[joints.slide]
+type = "prismatic"
+bodies = ["ground", "mass"]
+at = [0, 0, 0]
+axis = [1, 0, 0]
+[forces.spring]
+type = "axial-spring"
+bodies = ["ground", "mass"]
+at = [0, 0, 0]
+axis = [1, 0, 0]
+stiffness = 8
+""")
+        table = f"{self.folder}/modes.csv"
+        report = self.report(model, "--count", 1, "--csv", table)
+        self.assertEqual(report["number"], "")
+        (mode,) = report["points"][0]["modes"]
+        self.assertAlmostEqual(mode["frequency"], 2 / (2 * math.pi), delta=1e-9)
+        with open(table, newline="") as f:
+            rows = list(csv.DictReader(f))
+        self.assertEqual(list(rows[0])[:2], ["mode", "frequency"])
+        self.assertAlmostEqual(float(rows[0]["frequency"]), 2 / (2 * math.pi), delta=1e-9)
+        self.assertIn("frequency", self.expect(0, "modes", model, "--count", 1).stdout)
+        self.expect(0, "view", model, "--no-browser")
+        self.expect(2, "modes", model, "--speeds", "0:1:1", "--over", "parameters.a=0:1:1")
+
     def test_clusters_and_what_lies_far_below(self):
         pairs = [entry for i in range(1, 40, 2) for entry in ((i, i, 1.0), (i + 1, i, -1.0), (i + 1, i + 1, 1.0))]
         k = self.file("pairs.mtx", coordinate(N, pairs, "symmetric"))

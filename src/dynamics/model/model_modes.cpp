@@ -98,11 +98,14 @@ ModelModesResult model_modes(const std::string& path, const std::string& number,
 }
 
 std::string modes_table(const ModelModesResult& result) {
-  std::string text = fmt::format("{},mode,frequency,damping_ratio,growth,whirl,standing_frequency\n", result.number);
+  const bool sweep = !result.number.empty();
+  std::string text = sweep ? result.number + "," : "";
+  text += "mode,frequency,damping_ratio,growth,whirl,standing_frequency\n";
   for (const ModelModesPoint& p : result.points)
     for (std::size_t k = 0; k < p.modes.size(); ++k) {
       const SimulationMode& m = p.modes[k];
-      text += fmt::format("{},{},{},{},{},{},{}\n", p.value, k + 1, m.frequency, m.damping_ratio, m.growth, m.whirl,
+      if (sweep) text += fmt::format("{},", p.value);
+      text += fmt::format("{},{},{},{},{},{}\n", k + 1, m.frequency, m.damping_ratio, m.growth, m.whirl,
                           std::isnan(m.standing_frequency) ? "" : fmt::format("{}", m.standing_frequency));
     }
   return text;
