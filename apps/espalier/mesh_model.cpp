@@ -81,17 +81,24 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
     material = fmt::format(
         "material = {{ young = {:g}, poisson = 0.3, density = {:g} }}  # of steel in {}; the file states none\n", young,
         millimetres ? 7.85e-9 : 7850.0, millimetres ? "mm, t, s" : "m, kg, s");
+  // Where no second face is free, the part's own weight loads it.
+  const bool weight =
+      faces.pressed.empty() &&
+      (material.front() != '#' || std::any_of(mesh.materials.begin(), mesh.materials.end(), [&](const auto& m) {
+         return m.name == *of_sections.begin() && m.density > 0;
+       }));
   std::string sets;
   for (const auto& [name, list] : mesh.face_sets) sets += (sets.empty() ? "" : ", ") + name;
   if (sets.size() > 400) sets = sets.substr(0, 400) + " ...";
   std::string text = fmt::format(
-      "# A first model of {}, written by 'espalier mesh'. It holds one face of the part and presses on another one.\n"
+      "# A first model of {}, written by 'espalier mesh'. One face of the part is held;\n"
+      "# pressure on another one, or its weight, loads it.\n"
       "# Face sets: {}{}\n"
       "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n"
-      "gravity = [0, 0, 0]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = '{}' }}\n{}\n"
+      "gravity = [0, 0, {}]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = '{}' }}\n{}\n"
       "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n\n",
       fs::path(mesh_file).filename().string(), sets, sides ? " (the ends of the part in each direction)" : "",
-      path.string(), material, faces.held);
+      weight ? (millimetres ? "-9810" : "-9.81") : "0", path.string(), material, faces.held);
   if (!faces.pressed.empty())
     text +=
         fmt::format("[forces]\nload = {{ type = \"pressure\", body = \"part\", face = \"{}\", pressure = {:g} }}\n\n",
