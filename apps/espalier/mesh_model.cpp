@@ -47,6 +47,47 @@ Faces ends_of(const dynamics::MeshSurvey& survey) {
   return {std::string(1, axis) + "0", std::string(1, axis) + "1"};
 }
 
+/// Supports of the pieces of a mesh that share no node with the held face: three corners of an element of each.
+std::string held_pieces(const Mesh& mesh, const std::vector<Index>& held) {
+  if (mesh.pieces({}).size() < 2) return "";
+  constexpr int kMost = 20;
+  std::vector<char> reached(mesh.nodes.size(), 0);  // nodes of pieces that are held
+  for (const Index n : held) reached[static_cast<std::size_t>(n)] = 1;
+  const auto spread = [&] {
+    const auto through = [&](Index e) {
+      const auto nodes = mesh.element(e);
+      const auto is_reached = [&](Index n) { return reached[static_cast<std::size_t>(n)] != 0; };
+      if (std::all_of(nodes.begin(), nodes.end(), is_reached) || std::none_of(nodes.begin(), nodes.end(), is_reached))
+        return false;
+      for (const Index n : nodes) reached[static_cast<std::size_t>(n)] = 1;
+      return true;
+    };
+    for (bool changed = true; changed;) {
+      changed = false;
+      for (Index e = 0; e < mesh.element_count(); ++e) changed |= through(e);
+      for (Index e = mesh.element_count() - 1; e >= 0; --e) changed |= through(e);
+    }
+  };
+  spread();
+  std::string text =
+      "# The mesh falls into pieces that share no node. Three nodes of each other piece are held, so that the model\n"
+      "# runs; make a body of each piece (element_set) and join them where they belong together.\n";
+  int count = 1;
+  for (Index e = 0; e < mesh.element_count(); ++e) {
+    const auto nodes = mesh.element(e);
+    if (dynamics::shape_of(mesh.type(e)).dimension < 3 || reached[static_cast<std::size_t>(nodes.front())] != 0)
+      continue;
+    if (++count > kMost)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("no model: the mesh falls into {} pieces that share no node", mesh.pieces({}).size()));
+    text += fmt::format("piece_{} = {{ body = \"part\", nodes = [{}, {}, {}], hold = \"all\" }}\n", count,
+                        mesh.node_label(nodes[0]), mesh.node_label(nodes[1]), mesh.node_label(nodes[2]));
+    for (const Index n : nodes) reached[static_cast<std::size_t>(n)] = 1;
+    spread();
+  }
+  return count == 1 ? "" : text;
+}
+
 }  // namespace
 
 std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, const std::string& mesh_file,
@@ -96,9 +137,10 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
       "# Face sets: {}{}\n"
       "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n"
       "gravity = [0, 0, {}]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = '{}' }}\n{}\n"
-      "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n\n",
+      "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n{}\n",
       fs::path(mesh_file).filename().string(), sets, sides ? " (the ends of the part in each direction)" : "",
-      weight ? (millimetres ? "-9810" : "-9.81") : "0", path.string(), material, faces.held);
+      weight ? (millimetres ? "-9810" : "-9.81") : "0", path.string(), material, faces.held,
+      held_pieces(mesh, mesh.nodes_of_faces(mesh.face_sets.at(faces.held))));
   if (!faces.pressed.empty())
     text +=
         fmt::format("[forces]\nload = {{ type = \"pressure\", body = \"part\", face = \"{}\", pressure = {:g} }}\n\n",

@@ -76,8 +76,12 @@ std::string table_of(const ModelModesResult& r) {
     for (std::size_t k = 0; k < p.modes.size(); ++k) {
       const SimulationMode& m = p.modes[k];
       const std::vector<std::string> row = {
-          fmt::format("{:.6g}", p.value), fmt::format("{}", k + 1), fmt::format("{:.9g}", m.frequency),
-          fmt::format("{:.4g}", m.damping_ratio), fmt::format("{:.9g}", m.growth), direction(m),
+          fmt::format("{:.6g}", p.value),
+          fmt::format("{}", k + 1),
+          fmt::format("{:.9g}", m.frequency),
+          fmt::format("{:.4g}", m.damping_ratio),
+          fmt::format("{:.9g}", m.growth),
+          direction(m),
           std::isnan(m.standing_frequency) ? "-" : fmt::format("{:.9g}", m.standing_frequency)};
       table.add({row.begin() + (sweep ? 0 : 1), row.end()});
     }

@@ -52,6 +52,15 @@ class Meshes(Cli):
             force = float(rows[-1].split(",")[names.split(",").index("clamp.force.x")])
             self.assertAlmostEqual(force / (young * 1e-6), 1, places=9)
             self.assertIn("there already", self.expect(2, "mesh", path, "--model", model).stderr)
+        # Two pieces that share no node, and names that end with a NUL: both are held, so that the model runs.
+        pieces = block(2, STEEL.replace("NAME=Steel", "NAME=Steel\0"))
+        shift = "".join(f"{n + 50},{x}.,{y}.,{z}.\n" for n, (x, y, z) in enumerate(
+            ((5, 0, 0), (6, 0, 0), (6, 1, 0), (5, 1, 0), (5, 0, 1), (6, 0, 1), (6, 1, 1), (5, 1, 1))))
+        path = self.write("two.inp", pieces + "*NODE\n" + shift + "*ELEMENT, TYPE=C3D8, ELSET=ALL\n9, "
+                          + ", ".join(str(n + 50) for n in range(8)) + "\n")
+        model = str(self.folder / "two.toml")
+        self.expect(0, "mesh", path, "--model", model)
+        self.expect(0, "simulate", model)
         page = self.folder / "page"
         self.expect(0, "mesh", path, "--page", str(page))
         self.assertIn("<html", (page / "index.html").read_text()[:400].lower())
