@@ -125,6 +125,10 @@ check_package() {
     >"$root/configure.log" || { tail -20 "$root/configure.log"; return 1; }
   cmake --build "$root/examples"
   ctest --test-dir "$root/examples" --output-on-failure --no-tests=error
+  # The first hour of somebody who uses CMake, with the installed library and program.
+  cmake -S tests/first_hour/with_cmake -B "$root/first_hour" -G Ninja "-DCMAKE_PREFIX_PATH=$root/prefix" -DCMAKE_BUILD_TYPE=Release \
+    >>"$root/configure.log" && cmake --build "$root/first_hour"
+  tests/first_hour/first_hour.py --command "$root/prefix/bin/espalier" --program "$root/first_hour/first_hour"
   # The same C example through pkg-config, without CMake.
   PKG_CONFIG_PATH=$(dirname "$(find "$root/prefix" -name espalier.pc)")
   export PKG_CONFIG_PATH

@@ -1,9 +1,10 @@
 #!/usr/bin/env python3
 """The first hour with an Espalier that is installed: a solved matrix, a pendulum that bends, a bracket with the stress in
-its fillet, the modes of a plate, CasADi on our solver; by the command line and by Python. Every number against its truth
-(truths.py), every time printed. Exit code 1 where one is wrong.
+its fillet, the modes of a plate, CasADi on our solver; by the command line, by Python and by a program with the library.
+Every number against its truth (truths.py), every time printed. Exit code 1 where one is wrong.
 
-    first_hour.py --command env/bin/espalier --python env/bin/python [--without casadi]"""
+    first_hour.py --command env/bin/espalier --python env/bin/python [--without casadi]
+    first_hour.py --command build/release/espalier --program build/first_hour      of with_cmake"""
 
 import argparse
 import csv
@@ -73,6 +74,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--command", required=True, help="the program espalier")
     parser.add_argument("--python", help="a Python with the package espalier, and CasADi")
+    parser.add_argument("--program", help="what with_cmake makes with the library")
     parser.add_argument("--without", default="", help="problems that are left out, with commas between them")
     given = parser.parse_args()
     left_out = given.without.split(",")
@@ -88,6 +90,11 @@ def main():
             start = time.perf_counter()
             found = problem(given.command, folder)
             right = truths.check(problem.__name__, found, time.perf_counter() - start, "command line") and right
+        if given.program:
+            for problem, result in json.loads(call(given.program, folder).stdout).items():
+                values = result["values"]
+                found = truths.lowest_point(*values["steps"]) if "steps" in values else values
+                right = truths.check(problem, found, result["seconds"], "C++") and right
         if given.python:
             done = call(given.python, HERE / "in_python.py", folder, env={**os.environ, "PYTHONDONTWRITEBYTECODE": "1"})
             for problem, result in json.loads(done.stdout).items():
