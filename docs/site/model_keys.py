@@ -37,6 +37,7 @@ SECTIONS = (
     ("[bodies.NAME]", "read_bodies.cpp", "read", (), (("Bodies", ""),)),
     ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
     ("Rigid bodies of a closed surface", "read_bodies.cpp", "read_rigid_of_surface", (), (("Bodies", "rigid"),)),
+    ("Rigid bodies of a closed surface: mesh", "read_bodies.cpp", "read_closed_surface", (), (("Bodies", "rigid"),)),
     ("Rigid bodies: motion", "read_bodies.cpp", "read_rigid_motion", (), (("Bodies", "rigid"),)),
     ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
     ("Flexible bodies: motion and damping", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),

@@ -26,7 +26,8 @@ _SURFACE = "body shape "
 # Section: {type: (readers, the keys of them that it has, or "" for all, keys that are needed)}. "" is the only type.
 PARTS = {
     "bodies": {
-        "rigid": ("read read_rigid", "", "mass"), "point": ("read read_point", "", "mass"),
+        "rigid": ("read read_rigid read_rigid_of_surface read_rigid_motion",
+                  "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read read_point", "", "mass"),
         "solid": (_FLEXIBLE + "read_solid plain_material", "", "mesh"),
         "cable": (_FLEXIBLE + "read_cable plain_material", "", "start end"),
         "beam": (_FLEXIBLE + "read_axis read_beam plain_material", "", ""),

@@ -2,9 +2,10 @@
 
 import os
 import tempfile
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
+if TYPE_CHECKING:
+    import numpy as np
 
 # Kinds of cells: types of the file that is written, and how many nodes are kept (those in the middle of faces and of the
 # volume stand last in VTK's order, which is meshio's).
@@ -41,6 +42,8 @@ class _Sets:
         self.sets: "dict[str, list[Any]]" = {}
 
     def add(self, name: str, members: Any) -> None:
+        import numpy as np
+
         name = str(name)
         if not name or name != name.strip() or any(c in name for c in ',="*\n\r'):
             raise ValueError(f"the {self.kind} set {name!r} cannot be named so in a mesh file: rename it, without , = \" * and blanks at its ends")
@@ -50,6 +53,8 @@ class _Sets:
         self.sets.setdefault(name, []).append(np.asarray(members, dtype=np.int64).ravel())
 
     def text(self, keyword: str) -> str:
+        import numpy as np
+
         out = []
         for name, lists in self.sets.items():
             members = np.unique(np.concatenate(lists))
@@ -60,6 +65,8 @@ class _Sets:
 
 def _groups(values: Any) -> "np.ndarray[Any, Any] | None":
     """Values of whole-number data of one component."""
+    import numpy as np
+
     array = np.asarray(values)
     if array.ndim == 2 and array.shape[1] == 1:
         array = array[:, 0]
@@ -68,6 +75,8 @@ def _groups(values: Any) -> "np.ndarray[Any, Any] | None":
 
 def _add_data(mesh: Any, starts: "list[int]", elements: _Sets, nodes: _Sets) -> None:
     """Sets NAME-VALUE of whole-number data; of Gmsh's physical groups their names."""
+    import numpy as np
+
     named = {(int(tag), int(dim)): name for name, (tag, dim) in (getattr(mesh, "field_data", None) or {}).items()}
     for key, blocks in (getattr(mesh, "cell_data", None) or {}).items():
         arrays = [_groups(b) for b in blocks]
@@ -101,6 +110,8 @@ def from_meshio(mesh: Any, *, file: "str | os.PathLike[str] | None" = None, scal
     file: where the mesh is written, an Abaqus .inp; without one it lies in a temporary folder as long as the process lives.
     scale: of the coordinates. Returns {"file": ..., "scale": ...}.
     """
+    import numpy as np
+
     for need in ("points", "cells"):
         if not hasattr(mesh, need):
             raise TypeError(f"from_meshio takes a mesh of meshio, which has points and cells; {type(mesh).__name__} has no {need}")

@@ -15,20 +15,24 @@ class Parts:
         ("2*length"), lists may be arrays of NumPy. In brackets: dimensions, in the units of the model.
 
         type "rigid":
-        gravity: list of three numbers [length/time^2]
-        mass: number > 0 [mass], needed. > 0
-        box: list of three numbers [length]. edge lengths for pictures (and inertia)
+        mass: number > 0 [mass]. > 0
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
+        box: list of three numbers [length]. edge lengths for pictures (and inertia)
+        mesh: {...}. { file = "part.stl", scale = 1e-3 }: a uniform solid inside a closed surface, .stl (text or
+            binary), .obj, or the outer faces of a mesh file
+        density: number > 0. with mesh, instead of mass
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
-
-        type "point" (gravity, mass, position as above):
-        velocity: list of three numbers [length/time], default [0, 0, 0]
-
-        type "solid" (gravity, velocity as above):
-        position: list of three numbers [length], default [0, 0, 0]
         rotation: rotation [angle]
+        velocity: list of three numbers [length/time], default [0, 0, 0]
         angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        gravity: list of three numbers [length/time^2]
+
+        type "point" (gravity, position, velocity as above):
+        mass: number > 0 [mass], needed. > 0
+
+        type "solid" (gravity, rotation, velocity, angular_velocity as above):
+        position: list of three numbers [length], default [0, 0, 0]
         damping: {mass, stiffness, ratio, frequencies, loss_factor, frequency}. { ratio = 0.02 } (of each mode), {
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes

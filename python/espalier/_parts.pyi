@@ -516,17 +516,24 @@ class Parts:
     def part(self, section: str, name: str, /, keys: Any) -> str: ...
     @overload
     def body(
-        self, name: str, /, type: Literal["rigid"] = ..., *, mass: Number, gravity: Vector = ..., box: Vector = ...,
-        inertia: Numbers | Points = ..., position: Vector = ...
+        self, name: str, /, type: Literal["rigid"] = ..., *, mass: Number = ..., inertia: Numbers | Points = ..., box:
+        Vector = ..., mesh: Mesh = ..., density: Number = ..., position: Vector = ..., rotation: Vector | Rotation =
+        ..., velocity: Vector = ..., angular_velocity: Vector = ..., gravity: Vector = ...
     ) -> str:
         """Adds [bodies.NAME], type "rigid", and returns the name.
 
-        gravity: list of three numbers [length/time^2]
-        mass: number > 0 [mass], needed. > 0
-        box: list of three numbers [length]. edge lengths for pictures (and inertia)
+        mass: number > 0 [mass]. > 0
         inertia: three numbers, or a 3 x 3 matrix [mass length^2]. about the centre of mass in body axes: [Jx, Jy, Jz]
             or a 3 x 3 matrix
+        box: list of three numbers [length]. edge lengths for pictures (and inertia)
+        mesh: {...}. { file = "part.stl", scale = 1e-3 }: a uniform solid inside a closed surface, .stl (text or
+            binary), .obj, or the outer faces of a mesh file
+        density: number > 0. with mesh, instead of mass
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
+        rotation: rotation [angle]
+        velocity: list of three numbers [length/time], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        gravity: list of three numbers [length/time^2]
         """
     @overload
     def body(

@@ -54,7 +54,7 @@ def package(folder, *, program=None, cuda=None):
             file.write_text(f"#!/bin/sh\necho {text} \"$@\"\nexit 7\n")
             file.chmod(0o755)
     return subprocess.run([sys.executable, "-c", "from espalier._command import main; main()", "solve", "a b", "--quiet"],
-                          capture_output=True, text=True, env={**os.environ, "PYTHONPATH": str(folder)})
+                          capture_output=True, text=True, cwd=folder, env={**os.environ, "PYTHONPATH": str(folder)})
 
 
 @pytest.mark.skipif(Path(_command.__file__).parent.joinpath("bin").exists(), reason="an installed package")

@@ -25,7 +25,7 @@ ALL_OF_BEAM = dict.fromkeys("axial shear_y shear_z torsion bending_y bending_z s
 # Parts that the readers take, so that each of their keys is asked for in one of them.
 GOOD = {
     "bodies": {
-        "rigid": [{"mass": 1, "inertia": [1, 1, 1]}], "point": [{"mass": 1}],
+        "rigid": [{"mass": 1, "inertia": [1, 1, 1]}, {"mesh": {"file": "corner.stl"}, "density": 1}], "point": [{"mass": 1}],
         "solid": [{"mesh": {"file": "a.inp"}, "material": STEEL}],
         "cable": [{"start": [0, 0, 0], "end": [1, 0, 0], "radius": 0.1, "material": STEEL},
                   {"start": [0, 0, 0], "end": [1, 0, 0], "axial": 1, "bending": 1, "mass_per_length": 1}],
@@ -69,6 +69,10 @@ def asked(section, keys, folder):
 @pytest.mark.parametrize("section", GOOD)
 def test_tables_of_keys_are_those_of_the_readers(section, tmp_path):
     (tmp_path / "table.csv").write_text("0,0\n1,1\n")
+    corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+    faces = "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex %d %d %d\n" % corners[k] for k in face) + "endloop\nendfacet\n"
+                    for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)))
+    (tmp_path / "corner.stl").write_text(f"solid corner\n{faces}endsolid\n")
     word = {"surfaces": "shape"}.get(section, "type")
     rows = {kind: keys for s, kind, keys in _core.model_part_keys() if s == section}
     assert set(rows) == set(GOOD[section])

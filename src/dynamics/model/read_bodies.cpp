@@ -129,15 +129,20 @@ class BodyReader {
     return p;
   }
 
+  /// File and scale of a closed surface.
+  std::pair<std::string, double> read_closed_surface(Section& mesh) const {
+    std::pair<std::string, double> found = {beside_model(mesh.text("file")), mesh.positive("scale", 1)};
+    mesh.finish();
+    return found;
+  }
+
   /// A uniform solid inside a closed surface of a file; its centre of mass stands where the file puts it.
   RigidSpec read_rigid_of_surface(Section& s) const {
     for (const char* other : {"inertia", "box"})
       if (s.has(other)) fail(s.place(other), "does not go with 'mesh', which gives the inertia and the shape");
     if (s.has("mass") == s.has("density")) fail(s.place(), "needs one of 'mass' and 'density' beside 'mesh'");
     auto mesh = s.table("mesh");
-    const std::string file = beside_model(mesh->text("file"));
-    const double scale = mesh->positive("scale", 1);
-    mesh->finish();
+    const auto [file, scale] = read_closed_surface(*mesh);
     RigidSpec r;
     const contact::SurfaceSolid solid = contact::solid_inside(contact::read_surface(file, scale), file);
     r.data.mass = s.has("mass") ? s.positive("mass") : s.positive("density") * solid.volume;

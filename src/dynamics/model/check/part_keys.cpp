@@ -25,7 +25,7 @@ std::span<const PartKeys> all_part_keys() {
        "quantities envelopes csv_interval vtu_interval format restart_interval energies constraints "
        "reactions step_data exact_times page paths"},
       {"bodies", "rigid",
-       "gravity type mass box inertia position"},
+       "type mass inertia box mesh density position rotation velocity angular_velocity gravity"},
       {"bodies", "point",
        "gravity type mass position velocity"},
       {"bodies", "solid",
