@@ -159,7 +159,8 @@ void add_mesh(CLI::App& app, Action& action) {
   CLI::App* sub =
       app.add_subcommand("mesh", "What a mesh file holds, and a first model of it (docs/guide/your_files.md)");
   add_file(*sub, "file", command->file, "the mesh: .inp, .msh, .bdf, .cdb, .vtk, .vtu, .mesh, also .gz");
-  add_file(*sub, "--model", command->model, "write a first model here, to edit: one face held, another pressed");
+  add_file(*sub, "--model", command->model,
+           "write a first model here, to edit: one face held, another pressed, or its weight");
   add_file(*sub, "--page", command->page, "write a page into this folder: the mesh under the load of the first model",
            "DIR");
   sub->add_flag("--json", command->json, "print as JSON");

@@ -47,6 +47,16 @@ Faces ends_of(const dynamics::MeshSurvey& survey) {
   return {std::string(1, axis) + "0", std::string(1, axis) + "1"};
 }
 
+/// A text of TOML.
+std::string quoted(const std::string& text) {
+  std::string result = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') result += '\\';
+    result += c;
+  }
+  return result + '"';
+}
+
 /// Supports of the pieces of a mesh that share no node with the held face: three corners of an element of each.
 std::string held_pieces(const Mesh& mesh, const std::vector<Index>& held) {
   if (mesh.pieces({}).size() < 2) return "";
@@ -136,10 +146,10 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
       "# pressure on another one, or its weight, loads it.\n"
       "# Face sets: {}{}\n"
       "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n"
-      "gravity = [0, 0, {}]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = '{}' }}\n{}\n"
+      "gravity = [0, 0, {}]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = {} }}\n{}\n"
       "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n{}\n",
       fs::path(mesh_file).filename().string(), sets, sides ? " (the ends of the part in each direction)" : "",
-      weight ? (millimetres ? "-9810" : "-9.81") : "0", path.string(), material, faces.held,
+      weight ? (millimetres ? "-9810" : "-9.81") : "0", quoted(path.string()), material, faces.held,
       held_pieces(mesh, mesh.nodes_of_faces(mesh.face_sets.at(faces.held))));
   if (!faces.pressed.empty())
     text +=

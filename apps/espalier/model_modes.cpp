@@ -79,8 +79,8 @@ std::string table_of(const ModelModesResult& r) {
           fmt::format("{:.6g}", p.value),
           fmt::format("{}", k + 1),
           fmt::format("{:.9g}", m.frequency),
-          fmt::format("{:.4g}", m.damping_ratio),
-          fmt::format("{:.9g}", m.growth),
+          fmt::format("{:.4g}", m.damping_ratio + 0.0),  // no -0
+          fmt::format("{:.9g}", m.growth + 0.0),
           direction(m),
           std::isnan(m.standing_frequency) ? "-" : fmt::format("{:.9g}", m.standing_frequency)};
       table.add({row.begin() + (sweep ? 0 : 1), row.end()});
@@ -122,6 +122,8 @@ int run_model_modes(const ModelModesCommand& command, Progress& progress) {
   };
   if (!command.output.quiet && !command.output.json && !r.points.empty())
     for (const std::string& notice : r.points.front().notices) print_note("espalier: {}\n", notice);
+  if (!command.output.quiet && r.status.ok() && !r.points.empty() && r.points.front().modes.empty())
+    print_note("espalier: the model has no degrees of freedom, and no modes\n");
   return conclude(
       command.output, r.status, [&](int code) { return report_of(r, code); }, files,
       [&](const Json& report) { return model_modes_sheet(command.model, r, report); },

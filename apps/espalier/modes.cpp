@@ -183,11 +183,20 @@ int ModesCommand::run_quadratic(const SparseMatrix& k, const SparseMatrix& m, ba
 }
 
 int ModesCommand::run_model() {
-  if (!m_file.empty() || !damping_file.empty() || !generator.empty() || !out_file.empty() || buckling ||
-      !std::isinf(options.below))
-    throw Error(StatusCode::invalid_input,
-                "modes of a model: it needs no second matrix, and --damping, --generate, --buckling, --below and --out "
-                "do not go with it");
+  const ModesOptions plain;
+  for (const auto& [given, name] : {std::pair{!m_file.empty(), "a second matrix"},
+                                    {!damping_file.empty(), "--damping"},
+                                    {!generator.empty(), "--generate"},
+                                    {!out_file.empty(), "--out"},
+                                    {buckling, "--buckling"},
+                                    {!std::isinf(options.below), "--below"},
+                                    {!std::isnan(options.shift), "--shift"},
+                                    {options.tolerance != plain.tolerance, "--tolerance"},
+                                    {options.block_size != plain.block_size, "--block-size"},
+                                    {options.basis_size != plain.basis_size, "--basis-size"},
+                                    {no_proof, "--no-proof"},
+                                    {trust_mass, "--trust-mass"}})
+    if (given) throw Error(StatusCode::invalid_input, fmt::format("modes of a model: {} does not go with it", name));
   check_outputs({{"MODEL", k_file}}, {{"--csv", csv_file}, {"--report", report_file}, {"--page", page_file}});
   ModelModesCommand command{
       k_file, speeds, over, csv_file, static_cast<int>(options.count), {}, {json, quiet, report_file, page_file}};

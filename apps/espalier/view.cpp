@@ -96,7 +96,15 @@ fs::path page_of(const std::string& what) {
   std::error_code gone;
   if (fs::path(what).extension() == ".toml" && fs::is_regular_file(what, gone)) return page_of_model(what);
   fs::path page = fs::is_directory(what, gone) ? fs::path(what) / "index.html" : fs::path(what);
-  if (fs::is_regular_file(page, gone)) return page;
+  if (fs::is_regular_file(page, gone)) {
+    const std::string ending = page.extension().string();
+    if (ending == ".html" || ending == ".htm") return page;
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("'{}' is no page (.html) and no model (.toml); `espalier mesh FILE --page DIR` makes a page of "
+                    "a mesh",
+                    page.string()));
+  }
   throw Error(StatusCode::invalid_input,
               fmt::format("there is no page '{}'; `espalier simulate MODEL --out DIR` writes DIR/index.html (but for "
                           "--no-page, and [output] page = false)",

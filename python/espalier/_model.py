@@ -28,11 +28,14 @@ _CALLS = {"bodies": "body", "joints": "joint", "forces": "force", "supports": "s
           "materials": "material", "markers": "marker", "splines": "spline", "events": "event", "sensors": "sensor", "inputs": "input"}
 
 
+_EXPRESSIONS = ("parameters", "sensors", "inputs", "set")  # tables whose keys are names of the user's
+
+
 def _moved(tree: Any, before: str, after: str) -> Any:
     """A copy whose files, keys `file`, are the same seen from another folder."""
     if isinstance(tree, Mapping):
         return {k: os.path.relpath(os.path.join(before, v), after) if k == "file" and isinstance(v, (str, os.PathLike))
-                and not os.path.isabs(v) else _moved(v, before, after) for k, v in tree.items()}
+                and not os.path.isabs(v) else v if k in _EXPRESSIONS else _moved(v, before, after) for k, v in tree.items()}
     return [_moved(v, before, after) for v in tree] if isinstance(tree, list) else tree
 
 
@@ -51,6 +54,8 @@ class Model(Parts):
                  output: "Output | None" = None, solver: "SolverOptions | None" = None, **sections: "Unpack[Sections]") -> None:
         """tree: all of a model. The others are keys at its top, instead of those of the tree; sections: bodies={...} and the
         like, as a tree has them."""
+        if isinstance(tree, (str, os.PathLike)):
+            raise TypeError(f"tree is {tree!r}; it must be a dictionary. Model.load(path) reads a file, Model.from_text(text) a text")
         given = {"title": title, "units": units, "gravity": gravity, "parameters": parameters, "integrator": integrator, "statics": statics,
                  "initial": initial, "harmonic": harmonic, "output": output, "solver": solver, **sections}
         known = next(keys for section, _, keys in _core.model_part_keys() if not section)
@@ -102,8 +107,8 @@ class Model(Parts):
         return self._text if self._text is not None and written == self._written else written
 
     def save(self, path: "str | os.PathLike[str]") -> None:
-        """Writes the model as a file. Paths of meshes and tables are written so that they lead to the same files from there;
-        comments of a text that was read stay where nothing was changed."""
+        """Writes the model as a file. Paths of meshes and tables are written so that they lead to the same files from there.
+        A model that was read and not changed keeps its comments, unless it names files and goes to another folder."""
         path = _checks.path(path, "path")
         before, after = (os.path.dirname(os.path.abspath(p)) for p in (self._name, path))
         written = toml_of(self.tree if before == after else _moved(self.tree, before, after))
@@ -120,7 +125,7 @@ class Model(Parts):
         code, message, row = status
         if code == 0:
             return
-        message = message.replace("--set: harmonic.", "Model.harmonic(): ").replace("--set: ", "set: ")
+        message = message.replace("--set: harmonic.", "Model.harmonic(): ").replace("--set: harmonic: ", "Model.harmonic(): ").replace("--set: ", "set: ")
         if self._text is None or self.text != self._text:
             message = re.sub(rf"(^|: ){re.escape(self._name)}(:\d+)?: ", r"\1", re.sub(r" \(line \d+\)", "", message))
         raise make_error(code, message, row)

@@ -101,6 +101,7 @@ class Result:
         """One quantity over time, (rows,), the three columns of a vector, (rows, 3), or its length ("pin.force.norm")."""
         import numpy as np
 
+        _checks.text(name, "name")
         if name in self.names:
             return self.values[:, self.names.index(name)]
         vectors = _vectors(self.names)

@@ -137,6 +137,16 @@ class Simulation:
                 pass
             raise
 
+    def __contains__(self, quantity: object) -> bool:
+        """Whether sim[quantity] is there."""
+        try:
+            self[quantity]  # type: ignore[index]
+        except (TypeError, ValueError):
+            return False
+        return True
+
+    __iter__: None = None  # there are too many; `quantities` names them
+
     @property
     def inputs(self) -> "dict[str, float]":
         """[inputs] of the model with their present values."""

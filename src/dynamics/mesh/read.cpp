@@ -17,7 +17,10 @@ Mesh read_mesh(const std::string& path) {
   std::string known;
   for (const MeshFormat& format : mesh_formats())
     known += fmt::format("{}{} ({})", known.empty() ? "" : ", ", format.endings, format.program);
-  throw Error(StatusCode::invalid_input, fmt::format("{}: unknown kind of mesh file; read are {}", path, known));
+  throw Error(
+      StatusCode::invalid_input,
+      fmt::format("{}: unknown kind of mesh file; read are {}. Closed surfaces (.stl, .obj) are bodies of type rigid",
+                  path, known));
 }
 
 }  // namespace espalier::dynamics

@@ -167,7 +167,8 @@ class BodyReader {
       r.box = s.vector("box");
       if (!(r.box->minCoeff() > 0)) fail(s.place("box"), "needs three lengths greater than 0");
     }
-    if (s.has("inertia") || !r.box) {
+    if (!s.has("inertia") && !r.box) fail(s.place(), "needs 'inertia', or 'box' = [x, y, z], from which it follows");
+    if (s.has("inertia")) {
       r.data.inertia = s.matrix("inertia");
     } else {  // a uniform block
       const Vec3 square = r.box->cwiseAbs2();

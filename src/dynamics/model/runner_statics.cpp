@@ -223,6 +223,11 @@ void Runner::find_modes() {
     std::fill(at.v.begin(), at.v.end(), 0.0);
     make_consistent(*equations_, at);
   }
+  if (!model_.statics && !model_.initial.statics && max_norm(at.a) > 1e-9)
+    summary_.notices.push_back(
+        fmt::format("initial.modes: the model is not in equilibrium where it is linearised (accelerations up to {:g}); "
+                    "statics = true in [initial] begins in equilibrium",
+                    max_norm(at.a)));
   const StructuralDamping structural(*mechanism_);
   SparseMatrix h;
   if (structural.any()) h = structural.matrix(at);

@@ -1,7 +1,7 @@
 // What the parts of the page have in common: the time and the field that are shown.
 class App {
   constructor(data) {
-    Object.assign(this, {data, plots: [], errors: [], colours: null, picked: -1, statics: data.summary.method === 'statics'});
+    Object.assign(this, {data, plots: [], errors: [], colours: null, picked: -1, statics: data.summary.method.endsWith('statics')});
   }
 
   swinging() { return this.swing !== undefined; }
@@ -21,7 +21,8 @@ class App {
     buildSummary(data, this.series, this);
     if (memory.field && [...byId('field').options].some(o => o.value === memory.field)) byId('field').value = memory.field;
     if (this.stage) await this.chooseField();
-    await this.timeline.show(memory.last && this.timeline.times.length ? this.timeline.last : memory.t === undefined ? this.timeline.where() : memory.t);
+    const last = memory.last || (this.statics && memory.t === undefined);  // an equilibrium is looked at under its load
+    await this.timeline.show(last && this.timeline.times.length ? this.timeline.last : memory.t === undefined ? this.timeline.where() : memory.t);
     if (memory.camera && this.stage) this.recall(memory);
   }
 

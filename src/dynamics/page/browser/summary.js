@@ -1,6 +1,6 @@
 // The summary below scene and plots: what was solved, how well, and where the time went.
 function buildSummary(data, series, app) {
-  const s = data.summary, statics = s.method === 'statics', card = (title, ...content) => element('div', {class: 'card'}, element('h3', {}, title), ...content);
+  const s = data.summary, statics = s.method.endsWith('statics'), card = (title, ...content) => element('div', {class: 'card'}, element('h3', {}, title), ...content);
   const cards = [card('What was solved', factsTable([
     ['bodies, joints, forces', `${grouped(s.bodies)}, ${grouped(s.joints)}, ${grouped(s.forces)}`],
     ['unknowns', `${grouped(s.velocities)} + ${grouped(s.constraints)} constraints`], ['degrees of freedom', grouped(s.degrees_of_freedom)],
@@ -60,7 +60,7 @@ function resultCards(s, app, card) {
     s.events.slice(0, 1000).map(e => [{text: e.name, value: e.name, press: () => app.moveTo(e.t)}, e.t]), 'Events')));
   if (s.modes.length) cards.push(card('Natural frequencies', sortableTable(['mode', 'per unit of time', 'damping, %'],
     s.modes.map((m, k) => [{text: `mode ${k + 1}`, value: k, press: () => app.showSwing(`mode ${k + 1}`)}, m.frequency, 100 * m.damping]), 'Natural frequencies')));
-  if (s.stress_peaks.length) cards.push(card('Largest von Mises stress at the surface', sortableTable(['body', 'node', s.method === 'statics' || s.method === 'linear statics' ? 'load' : 'time', 'stress'],
+  if (s.stress_peaks.length) cards.push(card('Largest von Mises stress at the surface', sortableTable(['body', 'node', statics ? 'load' : 'time', 'stress'],
     s.stress_peaks.map(p => [{text: p.body, value: p.body, press: () => app.moveTo(p.t)}, p.node, p.t, p.value]), 'Largest stresses')));
   if (s.peaks.length) cards.push(card('Resonances', sortableTable(['quantity', 'load', 'frequency', 'amplitude', 'phase, deg'],
     s.peaks.map(p => [p.quantity, p.load, p.frequency, p.amplitude, p.phase]), 'Resonances')));
