@@ -60,7 +60,7 @@ function resultCards(s, app, card) {
     s.events.slice(0, 1000).map(e => [{text: e.name, value: e.name, press: () => app.moveTo(e.t)}, e.t]), 'Events')));
   if (s.modes.length) cards.push(card('Natural frequencies', sortableTable(['mode', 'per unit of time', 'damping, %'],
     s.modes.map((m, k) => [{text: `mode ${k + 1}`, value: k, press: () => app.showSwing(`mode ${k + 1}`)}, m.frequency, 100 * m.damping]), 'Natural frequencies')));
-  if (s.stress_peaks.length) cards.push(card('Largest von Mises stress at the surface', sortableTable(['body', 'node', statics ? 'load' : 'time', 'stress'],
+  if (s.stress_peaks.length) cards.push(card('Largest von Mises stress at the surface', sortableTable(['body', 'node', s.method.endsWith('statics') ? 'load' : 'time', 'stress'],
     s.stress_peaks.map(p => [{text: p.body, value: p.body, press: () => app.moveTo(p.t)}, p.node, p.t, p.value]), 'Largest stresses')));
   if (s.peaks.length) cards.push(card('Resonances', sortableTable(['quantity', 'load', 'frequency', 'amplitude', 'phase, deg'],
     s.peaks.map(p => [p.quantity, p.load, p.frequency, p.amplitude, p.phase]), 'Resonances')));
