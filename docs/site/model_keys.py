@@ -116,7 +116,7 @@ NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_componen
 
 # Literals of these files that are no keys: reserved names, the words of an option, a guess in a message.
 OTHER_WORDS = {"ground", "energy", "constraints", "step", "time", "true", "false", "initial", "keys", "bodies",
-               "statics", "linear", "x", "y", "z", "xyz"}
+               "statics", "linear", "x", "y", "z", "xyz", "m"}
 
 
 @dataclass
@@ -198,7 +198,7 @@ def default_of(kind, args, structs, fields):
     given = args[2:] if kind in ("integer",) else args[1:]
     if not given:
         return "needed"
-    word = given[0]
+    word = re.sub(r'in_units\([\w.]+, (.*), "[^"]*"\)', r"\1", given[0])
     if m := re.fullmatch(r"(?:\w+\.)+(\w+)", word.lstrip("&")):
         for struct in structs:
             if (struct, m[1]) in fields:

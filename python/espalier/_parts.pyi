@@ -528,7 +528,7 @@ class Parts:
         box: list of three numbers [length]. edge lengths for pictures (and inertia)
         mesh: {...}. { file = "part.stl", scale = 1e-3 }: a uniform solid inside a closed surface, .stl (text or
             binary), .obj, or the outer faces of a mesh file
-        density: number > 0. with mesh, instead of mass
+        density: number > 0 [mass/length^3]. with mesh, instead of mass
         position: list of three numbers [length], default [0, 0, 0]. of the centre of mass
         rotation: rotation [angle]
         velocity: list of three numbers [length/time], default [0, 0, 0]

@@ -157,6 +157,18 @@ TEST(ModelClosing, StaticsSayItToo) {
   EXPECT_NE(text.find("joint 'rod': length 20 is asked"), std::string::npos) << text;
 }
 
+/// A motor that goes far in the time that is left is not one that cannot be followed.
+TEST(ModelClosing, MotorsThatTravelFarAreNotBlamed) {
+  const std::string text = failure_text(
+      "[bodies.b]\ntype = \"rigid\"\nmass = 1\nbox = [1, 1, 1]\n[bodies.c]\ntype = \"rigid\"\nmass = 1\nbox = [1, 1, "
+      "1]\n"
+      "position = [3, 0, 0]\n[joints.m]\ntype = \"translation-motor\"\nbodies = [\"ground\", \"b\"]\nat = [0, 0, "
+      "0]\naxis = [1, 0, 0]\n"
+      "motion = \"1e4*t\"\n[forces.f]\ntype = \"load\"\na = \"c\"\nforce = [\"1/(0.001 - t)\", 0, "
+      "0]\n[integrator]\nend = 1000\n");
+  EXPECT_EQ(text.find("cannot follow"), std::string::npos) << text;
+}
+
 /// Other failures keep their words.
 TEST(ModelClosing, MechanismsThatCloseAreNotBlamed) {
   const std::string text =

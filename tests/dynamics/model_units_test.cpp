@@ -252,6 +252,54 @@ TEST(ModelUnits, WhatIsWrongIsRefused) {
   }
 }
 
+/// The same model in two systems: what is not written has to be the same length, speed or stiffness, too.
+double in_metres(const std::string& system, const std::string& text, const char* quantity) {
+  const Simulation s = simulated("units = \"" + system + "\"\n" + text);
+  return s.value(quantity) / UnitSystem(system).from(1, model::parse_unit("m"));
+}
+
+TEST(ModelUnits, DefaultsAreTheSameInEverySystem) {
+  const std::string steel = "material = { young = \"210 GPa\", density = \"7850 kg/m^3\" }\n";
+  const std::string parts[] = {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "tyre"};
+  for (const std::string& part : parts) {
+    const std::string text = "[bodies.b]\ntype = \"solid\"\nmesh = { part = \"" + part + "\", unknowns = 300" +
+                             (part == "block" ? ", lx = \"1 m\", ly = \"1 m\", lz = \"1 m\"" : "") + " }\n" + steel +
+                             "[markers.m]\nbody = \"b\"\nnode = 1\n[integrator]\nend = \"1 us\"\n";
+    for (const char* quantity : {"m.position.x", "m.position.y", "m.position.z"}) {
+      const double metres = in_metres("SI", text, quantity);
+      EXPECT_NEAR(in_metres("mm-t-s", text, quantity), metres, 1e-9 * (1 + std::abs(metres)))
+          << part << " " << quantity;
+    }
+  }
+  const std::string creeps =
+      "gravity = [\"4.9 m/s^2\", \"-8.5 m/s^2\", 0]\n[bodies.b]\ntype = \"point\"\nmass = \"1 kg\"\n"
+      "[forces.g]\ntype = \"guide\"\na = { body = \"ground\" }\nb = { body = \"b\" }\nstiffness = \"1e5 N/m\"\n"
+      "smoothing = \"1e-4 m\"\nfriction = 0.7\nlengths = \"[10] m\"\ncurvatures = [0]\nstart = \"[-1, 0, 0] m\"\n"
+      "[integrator]\nend = \"0.3 s\"\n";
+  const double crept = in_metres("SI", creeps, "b.position.x");
+  EXPECT_GT(crept, 1e-4);
+  EXPECT_NEAR(in_metres("mm-t-s", creeps, "b.position.x"), crept, 1e-3 * crept);
+}
+
+/// A solid's side has a stiffness by area, a sphere's has none by it.
+TEST(ModelUnits, StiffnessOfAContactGoesByItsSurfaces) {
+  const std::string text =
+      "units = \"mm-t-s\"\n[bodies.b]\ntype = \"solid\"\nmesh = { part = \"block\", lx = 1, ly = 1, lz = 1, divisions "
+      "= [1, 1, 1] }\n"
+      "material = { young = 1, density = 1 }\n[surfaces.s]\nbody = \"b\"\nshape = \"faces\"\n"
+      "[surfaces.f]\nbody = \"ground\"\nshape = \"plane\"\n[contacts.c]\nsurfaces = [\"s\"]\nagainst = [\"f\"]\n"
+      "exponent = EXPONENT\nstiffness = \"1e8 UNIT\"\n[integrator]\nend = 1e-9\n";
+  const auto said = [&](const char* exponent, const char* unit) {
+    Simulation s;
+    return s.load_text(replaced(replaced(text, "EXPONENT", exponent), "UNIT", unit), "model.toml").message;
+  };
+  EXPECT_EQ(said("1", "N/m^3"), "");
+  EXPECT_EQ(said("1.5", "N/m^3.5"), "");
+  EXPECT_EQ(said("\"3/2\"", "N/m^3.5"), "");
+  EXPECT_NE(said("1", "N/m").find("contacts.c.stiffness"), std::string::npos);
+  EXPECT_NE(said("\"3/2\"", "N/m^3").find("contacts.c.stiffness"), std::string::npos);
+}
+
 /// Texts that are no numbers stay what they are, and so does every model without units.
 TEST(ModelUnits, NamesAreNoValues) {
   Value root = model::parse_toml(R"(title = "2 m of rope"

@@ -10,6 +10,7 @@
 #include "dynamics/contact/surface_inertia.hpp"
 #include "dynamics/model/body_demand.hpp"
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -344,8 +345,13 @@ class BodyReader {
     return part;
   }
 
-  static void lengths(Section& s, std::initializer_list<std::pair<const char*, double*>> list) {
-    for (const auto& [key, value] : list) *value = s.positive(key, *value);
+  /// Sizes with their defaults, which are metres but for those of angles and ratios.
+  void lengths(Section& s, std::initializer_list<std::pair<const char*, double*>> list) const {
+    const std::vector<std::string> others = {"pressure_angle", "opening", "angle", "disc_position", "blade_fraction"};
+    for (const auto& [key, value] : list) {
+      const bool length = std::find(others.begin(), others.end(), key) == others.end();
+      *value = s.positive(key, length ? in_units(model_.units, *value, "m") : *value);
+    }
   }
   /// `divisions`, where it stands: three numbers of elements.
   static void read_divisions(Section& s, int (&divisions)[3], double copies = 1) {
@@ -359,13 +365,13 @@ class BodyReader {
     if (const double all = copies * n.prod(); all > kMostElements)
       fail(s.place("divisions"), fmt::format("makes {:g} elements; at most {:g} can be", all, kMostElements));
   }
-  static BlockMesh read_block(Section& s) {
+  BlockMesh read_block(Section& s) const {
     BlockMesh b;
     lengths(s, {{"lx", &b.shape.lx}, {"ly", &b.shape.ly}, {"lz", &b.shape.lz}});
     read_divisions(s, b.divisions);
     return b;
   }
-  static RodShape read_rod(Section& s) {
+  RodShape read_rod(Section& s) const {
     RodShape r;
     lengths(s, {{"length", &r.length},
                 {"big_inner", &r.big_inner},
@@ -377,7 +383,7 @@ class BodyReader {
                 {"thickness", &r.thickness}});
     return r;
   }
-  static LinkShape read_link(Section& s) {
+  LinkShape read_link(Section& s) const {
     LinkShape l;
     lengths(s, {{"pitch", &l.pitch},
                 {"inner", &l.inner},
@@ -386,7 +392,7 @@ class BodyReader {
                 {"thickness", &l.thickness}});
     return l;
   }
-  static CrankShape read_crank(Section& s) {
+  CrankShape read_crank(Section& s) const {
     CrankShape c;
     lengths(s, {{"throw_radius", &c.throw_radius},
                 {"journal_radius", &c.journal_radius},
@@ -399,13 +405,13 @@ class BodyReader {
                 {"pin_length", &c.pin_length}});
     return c;
   }
-  static GuideShape read_guide(Section& s) {
+  GuideShape read_guide(Section& s) const {
     GuideShape g;
     lengths(
         s, {{"lead", &g.lead}, {"radius", &g.radius}, {"angle", &g.angle}, {"height", &g.height}, {"width", &g.width}});
     return g;
   }
-  static RotorShape read_rotor(Section& s) {
+  RotorShape read_rotor(Section& s) const {
     RotorShape r;
     r.blades = s.integer("blades", 2, r.blades, kMostTeeth);
     lengths(s, {{"bore_radius", &r.bore_radius},
@@ -421,7 +427,7 @@ class BodyReader {
     r.blade_twist = s.number("blade_twist", r.blade_twist);
     return r;
   }
-  static TyreMesh read_tyre(Section& s) {
+  TyreMesh read_tyre(Section& s) const {
     TyreMesh t;
     lengths(s, {{"radius", &t.shape.radius},
                 {"section_radius", &t.shape.section_radius},
@@ -432,7 +438,7 @@ class BodyReader {
     read_divisions(s, t.divisions);
     return t;
   }
-  static GearMesh read_gear(Section& s) {
+  GearMesh read_gear(Section& s) const {
     GearMesh g;
     g.shape.teeth = s.integer("teeth", 6, g.shape.teeth, kMostTeeth);
     lengths(s, {{"module", &g.shape.module},

@@ -5,6 +5,7 @@
 #include <cctype>
 
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -68,7 +69,7 @@ EventSpec read_event(const std::string& name, const Value& value, const Descript
   e.on = s.texts("on");
   e.off = s.texts("off");
   e.tolerance = s.positive("tolerance", 0);
-  e.position_tolerance = s.positive("position_tolerance", e.position_tolerance);
+  e.position_tolerance = s.positive("position_tolerance", in_units(model.units, e.position_tolerance, "m"));
   if (const Value* table = s.value("set")) {
     if (!table->is_table()) fail(table->place, "must be a table { input = value }");
     for (const auto& [input, formula] : table->entries) {

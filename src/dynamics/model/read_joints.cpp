@@ -6,6 +6,7 @@
 
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
+#include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -171,11 +172,11 @@ void read_components(Section& s, const std::string& key, Vec3& numbers, ForceSpe
     f.components[first + k] = {list->items[k].place, Section::state_function(list->items[k])};
 }
 
-void read_guide(Section& s, ForceSpec& f) {
+void read_guide(Section& s, ForceSpec& f, const std::string& units) {
   f.stiffness = s.positive("stiffness");
   f.damping = s.number("damping", 0);
   f.friction = s.number("friction", 0);
-  f.slip_speed = s.positive("slip_speed", 1e-2);
+  f.slip_speed = s.positive("slip_speed", in_units(units, 1e-2, "m/s"));
   f.smoothing = s.positive("smoothing");
   f.both_sides = s.flag("both_sides", false);
   f.start = s.vector("start", Vec3::Zero());
@@ -189,7 +190,7 @@ void read_guide(Section& s, ForceSpec& f) {
   }
 }
 
-ForceSpec read_force(const std::string& name, const Value& value) {
+ForceSpec read_force(const std::string& name, const Value& value, const std::string& units) {
   Section s(value);
   ForceSpec f;
   f.place = value.place;
@@ -221,7 +222,7 @@ ForceSpec read_force(const std::string& name, const Value& value) {
       f.follower = s.flag("follower", false);
       break;
     case ForceType::guide:
-      read_guide(s, f);
+      read_guide(s, f, units);
       break;
     case ForceType::torque_motor:
       f.formula = {s.place("torque"), s.state_function("torque")};
@@ -346,7 +347,7 @@ void read_joints(Section& root, Description& model) {
 
 void read_forces(Section& root, Description& model) {
   root.named("forces", [&](const std::string& name, const Value& value) {
-    model.forces.push_back(read_force(name, value));
+    model.forces.push_back(read_force(name, value, model.units));
     keep_named_frames(model.forces.back().frames, model);
   });
 }

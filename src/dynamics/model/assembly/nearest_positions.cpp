@@ -102,7 +102,8 @@ class LeastViolation {
     constexpr int kMost = 100;
     constexpr double kSlow = 1e-10, kStiffest = 1e12;
     double damping = 1e-3;
-    for (int k = 0; k < kMost && at.cost > kClosed && damping < kStiffest; ++k) {
+    int k = 0;
+    for (; k < kMost && at.cost > kClosed && damping < kStiffest; ++k) {
       ++found_.iterations;
       Trial next = moved(at, step_of(at, damping));
       if (!(next.cost < at.cost)) {
@@ -114,6 +115,7 @@ class LeastViolation {
       damping = std::max(0.1 * damping, 1e-12);
       if (slow) break;
     }
+    found_.exhausted = k == kMost;
     return at;
   }
 

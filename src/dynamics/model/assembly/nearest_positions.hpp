@@ -14,6 +14,7 @@ struct NearestPositions {
   std::vector<double> phi;   ///< m: violations there
   std::vector<double> part;  ///< m: these over the size of the terms of each equation (constraint_sizes()), unweighted
   int iterations = 0;
+  bool exhausted = false;  ///< the search was ended by the number of its iterations: these are no nearest positions
 };
 
 /// Equations that follow each other: those of a joint.

@@ -41,12 +41,13 @@ class Closing {
   }
 
   [[nodiscard]] bool closes(double t) {
-    return worst_of(nearest_positions(mechanism_.system, t, state_.q, weights_)) <= kOpen;
+    const NearestPositions found = nearest_positions(mechanism_.system, t, state_.q, weights_);
+    return found.exhausted || worst_of(found) <= kOpen;  // too far to know
   }
 
   std::optional<std::string> explain(double t) {
     const NearestPositions all = nearest_positions(mechanism_.system, t, state_.q, weights_);
-    if (worst_of(all) <= kOpen) return std::nullopt;
+    if (all.exhausted || worst_of(all) <= kOpen) return std::nullopt;
     // One joint left open, the others closed: does that explain it?
     constexpr double kMostTried = 24, kMostWork = 2e8;
     std::vector<const Joint*> tried = suspects(all);
@@ -55,6 +56,7 @@ class Closing {
     for (const Joint* joint : tried) {
       const NearestPositions found = nearest_positions(mechanism_.system, t, state_.q, weights_, rows_of(*joint));
       if (worst_of(found, joint) > kOpen) continue;
+      if (worst_of(found) <= kOpen) return std::nullopt;  // from other positions all are closed
       return fmt::format(
           "{}. No positions satisfy all joints; with the others closed these are the nearest ({} "
           "iterations)",
@@ -176,7 +178,8 @@ std::optional<std::string> unclosed_joints(Mechanism& mechanism, const State& st
 
 std::optional<std::string> unreached_motion(Mechanism& mechanism, const State& state, double until,
                                             const std::string& units) {
-  if (!is_small(mechanism.system) || !is_led(mechanism) || !(until > state.t)) return std::nullopt;
+  if (!is_small(mechanism.system) || !is_led(mechanism) || !(until > state.t) || !std::isfinite(until))
+    return std::nullopt;
   Closing closing(mechanism, state, units);
   // Just ahead: what lies far ahead is reached, or not, from other positions.
   for (const double part : {1e-4, 1e-3, 1e-2}) {

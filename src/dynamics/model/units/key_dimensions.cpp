@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
+#include <optional>
 #include <utility>
 
 namespace espalier::dynamics::model {
@@ -29,6 +31,7 @@ constexpr KeyRow kKeyRows[] = {
     {kOwnMaterialTable, "", "density", "mass/length^3"},
 
     {kBodyTable, "type=rigid|point", "mass", "mass"},
+    {kBodyTable, "type=rigid", "density", "mass/length^3"},
     {kBodyTable, "", "inertia", "mass*length^2"},
     {kBodyTable, "", "box position start end points origin length thickness radius height width", "length"},
     {kBodyTable, "", "velocity", "length/time"},
@@ -205,6 +208,43 @@ bool says(const KeyPath& path, std::string_view where) {
   return false;
 }
 
+/// Which of the three dimensions of a contact's stiffness and damping its surfaces ask for: 0 force, 1 of faces by
+/// area, 2 of lines by length; nothing where they are patterns, or not there.
+std::optional<std::size_t> shape_of_contact(const KeyPath& path) {
+  const Value* surfaces = path.tables.front()->find("surfaces");
+  if (surfaces == nullptr) return std::nullopt;
+  std::size_t kind = 0;
+  for (const char* side : {"surfaces", "against"}) {
+    const Value* names = path.tables.back()->find(side);
+    if (names == nullptr) continue;
+    const std::span<const Value> list = names->type == Value::Type::array ? names->items : std::span(names, 1);
+    for (const Value& name : list) {
+      const Value* surface = name.type == Value::Type::text ? surfaces->find(name.text) : nullptr;
+      const Value* shape = surface == nullptr ? nullptr : surface->find("shape");
+      if (shape == nullptr || shape->type != Value::Type::text) return std::nullopt;
+      if (shape->text == "faces") kind = 1;
+      if (shape->text == "line" && kind == 0) kind = 2;
+    }
+  }
+  return kind;
+}
+
+/// The exponent of a contact: a number, or a text "3/2"; nothing where it is an expression of parameters.
+std::optional<double> exponent_of(const Value* value) {
+  if (value == nullptr) return 1;
+  if (value->type != Value::Type::text) return value->real;
+  double numbers[2] = {0, 1};
+  const char *at = value->text.data(), *const end = at + value->text.size();
+  for (double& number : numbers) {
+    const auto [rest, error] = std::from_chars(at, end, number);
+    if (error != std::errc()) return std::nullopt;
+    if (rest == end) return numbers[0] / numbers[1];
+    if (*rest != '/') return std::nullopt;
+    at = rest + 1;
+  }
+  return std::nullopt;
+}
+
 }  // namespace
 
 std::span<const KeyRow> key_rows() { return kKeyRows; }
@@ -215,10 +255,14 @@ std::vector<std::string> dimensions_of(const KeyPath& path, const std::string& k
     std::vector<std::string> result;
     for (const std::string_view words : pieces(row.dimension, '|')) {
       result.emplace_back(words);
-      const Value* exponent = path.tables.back()->find("exponent");
-      if (const std::size_t at = result.back().find("^e"); at != std::string::npos)
-        result.back().replace(at, 2, fmt::format("^{}", exponent == nullptr ? 1.0 : exponent->real));
+      const std::size_t at = result.back().find("^e");
+      if (at == std::string::npos) continue;
+      const auto exponent = exponent_of(path.tables.back()->find("exponent"));
+      if (!exponent) return {"1"};  // the unit cannot be looked at
+      result.back().replace(at, 2, fmt::format("^{}", *exponent));
     }
+    if (row.tables == kContactTable && result.size() == 3)
+      if (const auto kind = shape_of_contact(path)) return {result[*kind]};
     return result;
   }
   return {};

@@ -369,4 +369,8 @@ std::string UnitSystem::unit_of(std::string_view words) const {
   return joined_product(parts);
 }
 
+double in_units(const std::string& units, double value, std::string_view unit) {
+  return units.empty() || units == "SI" ? value : UnitSystem(units).from(value, parse_unit(unit));
+}
+
 }  // namespace espalier::dynamics::model

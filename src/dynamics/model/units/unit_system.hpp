@@ -58,4 +58,7 @@ class UnitSystem {
   Unit length_, mass_, time_;
 };
 
+/// A default of ours, a number of SI, in the units of a model. @param units  a system's name; "": none is stated, SI's
+[[nodiscard]] double in_units(const std::string& units, double value, std::string_view unit);
+
 }  // namespace espalier::dynamics::model
