@@ -47,7 +47,7 @@ class Closing {
 
   std::optional<std::string> explain(double t) {
     const NearestPositions all = nearest_positions(mechanism_.system, t, state_.q, weights_);
-    if (all.exhausted || worst_of(all) <= kOpen) return std::nullopt;
+    if (worst_of(all) <= kOpen) return std::nullopt;
     // One joint left open, the others closed: does that explain it?
     constexpr double kMostTried = 24, kMostWork = 2e8;
     std::vector<const Joint*> tried = suspects(all);

@@ -213,7 +213,7 @@ bool says(const KeyPath& path, std::string_view where) {
 std::optional<std::size_t> shape_of_contact(const KeyPath& path) {
   const Value* surfaces = path.tables.front()->find("surfaces");
   if (surfaces == nullptr) return std::nullopt;
-  std::size_t kind = 0;
+  std::optional<std::size_t> kind;
   for (const char* side : {"surfaces", "against"}) {
     const Value* names = path.tables.back()->find(side);
     if (names == nullptr) continue;
@@ -222,8 +222,8 @@ std::optional<std::size_t> shape_of_contact(const KeyPath& path) {
       const Value* surface = name.type == Value::Type::text ? surfaces->find(name.text) : nullptr;
       const Value* shape = surface == nullptr ? nullptr : surface->find("shape");
       if (shape == nullptr || shape->type != Value::Type::text) return std::nullopt;
-      if (shape->text == "faces") kind = 1;
-      if (shape->text == "line" && kind == 0) kind = 2;
+      const std::size_t of_shape = shape->text == "faces" ? 1 : shape->text == "line" ? 2 : 0;
+      if (!kind || *kind == 0 || of_shape == 1) kind = of_shape;
     }
   }
   return kind;
