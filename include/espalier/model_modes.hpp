@@ -37,7 +37,8 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
                                      const std::vector<double>& values, int count = 0,
                                      const SimulationOptions& options = {});
 
-/// Its rows as CSV: value (where a number is changed), mode, frequency, damping_ratio, growth, whirl, standing_frequency.
+/// Its rows as CSV: value (where a number is changed), mode, frequency, damping_ratio, growth, whirl,
+/// standing_frequency.
 [[nodiscard]] std::string modes_table(const ModelModesResult& result);
 
 }  // namespace espalier

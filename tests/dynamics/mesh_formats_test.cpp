@@ -248,7 +248,8 @@ TEST_F(MeshFormats, NastranMistakesAreNamed) {
                "coordinate system 7 is not defined");
   expect_error(write("e.bdf", replaced(good, "20      30      40", "20      30")), 11, "number 4 is empty");
   expect_error(write("f.bdf", replaced(good, "$ a comment", "+       1")), 5, "continuation line without a card");
-  expect_error(write("g.bdf", replaced(good, "PARAM,POST,-1", "INCLUDE 'more.bdf'")), 19, "there is no file 'more.bdf'");
+  expect_error(write("g.bdf", replaced(good, "PARAM,POST,-1", "INCLUDE 'more.bdf'")), 19,
+               "there is no file 'more.bdf'");
   expect_error(write("h.bdf", "GRDSET,,3\nGRID,1,,0.,0.,0.\n"), 1, "coordinate system 3 is not defined");
   expect_error(write("i.bdf",
                      "CORD2R,1,2,0.,0.,0.,0.,0.,1.,\n,1.,0.,0.\nCORD2R,2,1,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n"

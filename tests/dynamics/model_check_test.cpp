@@ -33,7 +33,8 @@ TEST(ModelCheck, UnknownKeysComeBeforeMissingOnes) {
   const std::string head = "[bodies.bob]\ntype = \"rigid\"\nmass = 2\n";
   EXPECT_EQ(check_model_text(head + "bx = [1, 1, 1]\n", "m").message,
             "m:4: bodies.bob.bx: unknown key; did you mean 'box'?");
-  EXPECT_EQ(check_model_text(head, "m").message, "m:1: bodies.bob: needs 'inertia', or 'box' = [x, y, z], from which it follows");
+  EXPECT_EQ(check_model_text(head, "m").message,
+            "m:1: bodies.bob: needs 'inertia', or 'box' = [x, y, z], from which it follows");
   EXPECT_EQ(check_model_text(kBob + "[forces.f]\ntype = \"load\"\n[integratr]\nend = 1\n", "m").message,
             "m:6: integratr: unknown key; did you mean 'integrator'?");
 }

@@ -40,8 +40,8 @@ Mesh parse_inp(std::string content, const std::string& name);
 /// Legacy .vtk, unstructured grids, versions 1 to 5 (from 5 on with OFFSETS and CONNECTIVITY), ASCII and binary.
 /// Cells of the shapes of ElementType and pixels and voxels; others are errors. Whole numbers of one component in
 /// CELL_DATA and POINT_DATA become sets "name-value" (not if there are more than 256 different values: notice); where
-/// solids are present, cells of lower dimension become sets only. There are no labels: nodes and elements count from 1. In binary
-/// files the line of a message counts text lines and those parts of binary data that look like lines.
+/// solids are present, cells of lower dimension become sets only. There are no labels: nodes and elements count from 1.
+/// In binary files the line of a message counts text lines and those parts of binary data that look like lines.
 Mesh read_vtk(const std::string& path);
 Mesh parse_vtk(std::string content, const std::string& name);
 
