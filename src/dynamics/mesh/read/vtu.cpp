@@ -135,9 +135,12 @@ class VtuReader {
     if (type->real) tags_.fail(fmt::format("'{}' must be whole numbers, not {}", name.substr(0, 40), type->name));
     std::vector<std::int64_t> values = whole_numbers(tag, *type);
     if (section_ == "Cells") {
-      if (name == "connectivity") connectivity_ = std::move(values);
-      if (name == "offsets") offsets_ = std::move(values);
-      if (name == "types") grid_.types.insert(grid_.types.end(), values.begin(), values.end());
+      if (name == "connectivity")
+        connectivity_ = std::move(values);
+      else if (name == "offsets")
+        offsets_ = std::move(values);
+      else if (name == "types")
+        grid_.types.insert(grid_.types.end(), values.begin(), values.end());
       return;
     }
     const bool of_cells = section_ == "CellData";
