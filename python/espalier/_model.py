@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import shutil
 from typing import TYPE_CHECKING, Any, Callable, Iterable, Mapping
 
 from . import _checks, _core
@@ -108,12 +109,22 @@ class Model(Parts):
 
     def save(self, path: "str | os.PathLike[str]") -> None:
         """Writes the model as a file. Paths of meshes and tables are written so that they lead to the same files from there.
-        A model that was read and not changed keeps its comments, unless it names files and goes to another folder."""
+        A model that was read and not changed keeps its comments, unless it names files and goes to another folder. What fails (a full disk) leaves a file that was
+        there as it was."""
         path = _checks.path(path, "path")
         before, after = (os.path.dirname(os.path.abspath(p)) for p in (self._name, path))
         written = toml_of(self.tree if before == after else _moved(self.tree, before, after))
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(self._as_read(written))
+        path = os.path.realpath(path)
+        part = f"{path}.{os.getpid()}.part"
+        try:
+            with open(part, "w", encoding="utf-8") as file:
+                file.write(self._as_read(written))
+            if os.path.exists(path):
+                shutil.copymode(path, part)
+            os.replace(part, path)
+        finally:
+            if os.path.exists(part):
+                os.unlink(part)
 
     def check(self, *, set: "Mapping[str, Any] | None" = None) -> None:
         """Reads all of the model without assembling it: keys, kinds, ranges, names of parts. Raises InvalidInputError for what

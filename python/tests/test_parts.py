@@ -349,3 +349,18 @@ def test_signatures_find_mistakes(tmp_path):
         else:
             assert not told
     assert not by_line
+
+
+def test_a_save_that_fails_leaves_the_file(tmp_path):
+    """As on a full disk: the limit of a file's size is met in the middle of the text."""
+    path = tmp_path / "m.toml"
+    esp.Model(title="first", integrator={"end": 1}).save(path)
+    before = path.read_text()
+    code = ("import resource, signal, sys, espalier as esp\nsignal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
+            "resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))\n"
+            "m = esp.Model(title='x' * 5000, integrator={'end': 1})\n"
+            "try:\n    m.save(sys.argv[1])\nexcept OSError:\n    sys.exit(7)\n")
+    done = subprocess.run([sys.executable, "-B", "-c", code, str(path)], capture_output=True, text=True)
+    assert done.returncode == 7, done.stderr
+    assert path.read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["m.toml"]
