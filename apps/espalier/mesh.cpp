@@ -5,10 +5,10 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "base/output_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "dynamics/mesh/names.hpp"
@@ -116,9 +116,9 @@ void print_survey(const Mesh& mesh, const MeshSurvey& s, const std::string& file
 void MeshCommand::write_model(const Mesh& mesh, const MeshSurvey& survey) const {
   if (std::filesystem::exists(model))
     throw Error(StatusCode::invalid_input, fmt::format("'{}' is there already; name another file", model));
-  std::ofstream out(model);
-  out << first_model(mesh, survey, file, model);
-  if (!out.flush()) throw Error(StatusCode::invalid_input, fmt::format("cannot write '{}'", model));
+  base::OutputFile out(model);
+  out.write(first_model(mesh, survey, file, model));
+  out.commit();
   if (!json) print_result("wrote {}; run it: espalier simulate {} --out results\n", model, model);
 }
 
