@@ -140,7 +140,7 @@ check_package() {
   local binary
   binary=$(ls "$root"/espalier-*/bin/espalier)
   # Found beside the binary, not on the system: the packages may be absent where the bundle is used.
-  if ldd "$binary" | grep -E 'not found|lib(fmt|hwy)\.' | grep -v "$root"; then
+  if ldd "$binary" | grep -E 'not found|lib(fmt|hwy|pugixml)\.' | grep -v "$root"; then
     echo "the bundle does not bring these libraries"
     return 1
   fi

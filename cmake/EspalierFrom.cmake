@@ -205,7 +205,7 @@ if(ESPALIER_TAKEN)
   add_library(espalier_modules INTERFACE)
   target_compile_features(espalier_modules INTERFACE cxx_std_20)
   target_include_directories(espalier_modules INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/include)
-  target_link_libraries(espalier_modules INTERFACE espalier_taken fmt::fmt Threads::Threads ZLIB::ZLIB HWY::HWY
+  target_link_libraries(espalier_modules INTERFACE espalier_taken fmt::fmt Threads::Threads ZLIB::ZLIB HWY::HWY pugixml::pugixml
     $<$<BOOL:${ESPALIER_CUDA}>:CUDA::cudart_static>)
   foreach(module solver schur batch changes modes harmonic dynamics)
     add_library(espalier_${module} INTERFACE)

@@ -15,7 +15,7 @@ install(FILES ${PROJECT_BINARY_DIR}/espalierConfig.cmake ${PROJECT_BINARY_DIR}/e
   DESTINATION ${package_dir})
 
 # pkg-config: a static library needs what it was built with on every link line, a shared one does not.
-set(requirements "fmt zlib")
+set(requirements "fmt zlib pugixml")
 set(link_line "-lhwy -lstdc++ -lm -pthread")
 if(BUILD_SHARED_LIBS)
   set(PC_REQUIRES_PRIVATE "${requirements}")

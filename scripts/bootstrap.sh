@@ -28,7 +28,7 @@ give_up() {
 need_packages() {
   if ! command -v dpkg-query >/dev/null; then
     echo "espalier: this is not a Debian or Ubuntu system; going on with what is installed" >&2
-    echo "  needed: a C++20 compiler, CMake 3.25, Ninja, zlib, fmt, nlohmann-json, CLI11, Highway, Eigen" >&2
+    echo "  needed: a C++20 compiler, CMake 3.25, Ninja, zlib, fmt, nlohmann-json, CLI11, Highway, Eigen, pugixml" >&2
     return 0
   fi
   local missing

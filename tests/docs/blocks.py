@@ -52,7 +52,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {"toml", "csv", "c", "cpp", "cmake", "text", "python", "sh", "json", "fortran"}
 SHELL = {"console", "sh", "bash", "indented"}
-LINK = "-lhwy -lfmt -lz -lpthread"  # what a static libespalier.a needs besides
+LINK = "-lhwy -lfmt -lz -lpugixml -lpthread"  # what a static libespalier.a needs besides
 
 
 @dataclass

@@ -31,7 +31,7 @@ def compile_program(compiler, build, folder):
     libraries = [os.path.join(build, "src", n) for n in sorted(os.listdir(os.path.join(build, "src"))) if n.endswith(".a")]
     command = [compiler, "-std=c++20", "-O1", "-Wall", "-Werror", "-Wno-sign-conversion", f"-I{root}/include", f"-I{root}/src",
                os.path.join(here, "solve.cpp"), "-o", program, "-Wl,--start-group", *libraries, "-Wl,--end-group",
-               "-lfmt", "-lhwy", "-lz", "-lpthread"]
+               "-lfmt", "-lhwy", "-lz", "-lpugixml", "-lpthread"]
     subprocess.run(command, check=True)
     return program
 
