@@ -65,6 +65,8 @@ class ComplexSolver {
   ComplexFactorResult factorize(const ComplexMatrixView& a);
   /// Same pattern, new values in the order of the analyzed matrix; allocates nothing. @pre state() != empty
   ComplexFactorResult refactorize(std::span<const Value> values);
+  /// As Solver::refactorize_entries().
+  ComplexFactorResult refactorize_entries(std::span<const Offset> places, std::span<const Value> values);
   /// Solves op(A) X = B for `columns` right-hand sides stored column by column, n values each (with ranks: rows().count
   /// values); x may alias b.
   /// @pre state() == factorized

@@ -143,6 +143,7 @@ typedef struct espalier_factor_info {
   int64_t delayed;             /**< columns whose elimination was moved to a later front */
   double determinant_phase[2]; /**< of complex matrices: det A over its magnitude (NaN: not known, on GPUs, but of
                                     Hermitian ones); of real ones sign and 0 */
+  double work_share;           /**< operations done, over those for all fronts (option "partial_refactorization") */
 } espalier_factor_info;
 
 /** What the solve did. */
@@ -240,6 +241,14 @@ int espalier_factorize_i32(espalier_solver* solver, const espalier_matrix_i32* a
 int espalier_factorize_i64(espalier_solver* solver, const espalier_matrix_i64* a, espalier_factor_info* info);
 /** New values for the analysed pattern, in the order of its indices. @param count their number, checked */
 int espalier_refactorize(espalier_solver* solver, const double* values, int64_t count, espalier_factor_info* info);
+/**
+ * The values of the last factorization but for `count` of them: values[k] at places[k] (from 0, in the order of the
+ * analysed matrix's indices; of a symmetric matrix that is stored in both triangles both places). With the option
+ * "partial_refactorization" only what these values reach is made again. ESPALIER_INVALID_INPUT for places that the
+ * matrix does not have or has twice, and for values that are not finite: the factor is as it was then.
+ */
+int espalier_refactorize_entries(espalier_solver* solver, const int64_t* places, const double* values, int64_t count,
+                                 espalier_factor_info* info);
 /**
  * Solves A X = B (or with A^T, A^H) for `columns` right-hand sides, stored column by column, rows values each. x may be
  * b. With ESPALIER_ACCURACY_NOT_REACHED x holds the best solution that was found.

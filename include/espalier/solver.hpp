@@ -87,7 +87,12 @@ struct Options {
   /// "key=value,key=value", for instance "gpu.flops=2e13,host.flops=3e10". `espalier info` lists the keys. Empty: the
   /// tables.
   std::string machine;
-  bool record_timeline = false;    ///< keep one event per task for write_trace()
+  bool record_timeline = false;  ///< keep one event per task for write_trace()
+  /// Whether a factorization makes only those fronts again that new values reach; all others are kept, and the numbers
+  /// are those of a whole factorization, to the last bit (FactorReport::work_share). What fronts leave for their
+  /// parents then stays in memory as well, about as much again as the factor, and so does a copy of the values. In core
+  /// on the host, as one device; elsewhere everything is made.
+  bool partial_refactorization = false;
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours
   LogCallback log;                 ///< where log lines go; empty: nowhere
@@ -166,6 +171,7 @@ struct FactorReport {
   Status status;
   double seconds = 0;           ///< whole call
   double flops_per_second = 0;  ///< flops of the analysis over seconds
+  double work_share = 1;        ///< operations done, over those for all fronts (Options::partial_refactorization)
   Inertia inertia;
   Index two_by_two = 0;        ///< 2x2 pivots taken
   Index perturbed = 0;         ///< pivots that were too small and were replaced, or stand for a zero
@@ -265,6 +271,14 @@ class Solver {
   FactorResult factorize(const MatrixView& a);
   /// Same pattern, new values in the order of the analyzed matrix; allocates nothing. @pre state() != empty
   FactorResult refactorize(std::span<const double> values);
+  /// refactorize() with the values of the last factorization but for some: values[k] stands at places[k] of the
+  /// analyzed matrix's value array. Of a symmetric matrix that is stored in both triangles, both places are needed.
+  /// Places that the matrix does not have, and values that are not finite, end in invalid_input; so do places with
+  /// duplicates, of whose sum one part alone is not known. The factor is as it was then.
+  /// With Options::partial_refactorization only fronts that these values reach are made again. Not for ranks or parts.
+  /// @param places  from 0, any order; the last of equal ones counts
+  /// @pre state() == factorized
+  FactorResult refactorize_entries(std::span<const Offset> places, std::span<const double> values);
   /// Solves for `columns` right-hand sides stored column by column, n values each (with ranks: rows().count values);
   /// x may alias b.
   /// @pre state() == factorized

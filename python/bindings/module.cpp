@@ -14,6 +14,7 @@ std::string python_words(std::string message) {
   static constexpr std::pair<const char*, const char*> kNames[] = {
       {"ComplexSolver::", "Solver::"},
       {"Solver::refactorize_device", "Solver.factorize"},
+      {"Solver::refactorize_entries", "Solver.factorize_entries"},
       {"Solver::refactorize", "Solver.factorize"},
       {"Solver::solve_device", "Solver.solve"},
       {"Solver::condition_estimate", "Solver.condition"},

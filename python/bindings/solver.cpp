@@ -53,8 +53,8 @@ nb::tuple fields(const AnyFactor& factor, bool by_rows, Index n) {
   const nb::object sign = factor.complex ? nb::cast(factor.sign) : nb::cast(factor.sign.real());
   return nb::make_tuple(r.seconds, r.flops_per_second,
                         nb::make_tuple(r.inertia.positive, r.inertia.negative, r.inertia.zero), sign, r.determinant_log,
-                        r.rank, r.two_by_two, r.perturbed, r.delayed, r.peak_host_bytes, r.device, nb::cast(rows),
-                        nb::cast(columns), vectors(right, doubles), vectors(left, doubles));
+                        r.rank, r.two_by_two, r.perturbed, r.delayed, r.peak_host_bytes, r.device, r.work_share,
+                        nb::cast(rows), nb::cast(columns), vectors(right, doubles), vectors(left, doubles));
 }
 
 nb::tuple fields(const SolveResult& r) {
@@ -158,6 +158,13 @@ void bind_solver(nb::module_& m) {
             return nb::make_tuple(status_of(r.report.status), fields(r, s.by_rows(), n));
           },
           array("values"), "n"_a)
+      .def(
+          "refactorize_entries",
+          [](SolverHandle& s, const Pointers& places, const Values& v, Index n) {
+            const AnyFactor r = s.refactorize_entries(places, v);
+            return nb::make_tuple(status_of(r.report.status), fields(r, s.by_rows(), n));
+          },
+          array("places"), array("values"), "n"_a)
       .def(
           "solve",
           [](SolverHandle& s, const nb::ndarray<const double, nb::device::cpu>& b,

@@ -205,6 +205,19 @@ AnyFactor SolverHandle::refactorize(const Values& values) {
   });
 }
 
+AnyFactor SolverHandle::refactorize_entries(const Pointers& places, const Values& values) {
+  const std::span<const Offset> at(places.data(), places.size());
+  return call([&] {
+    return with_analyzed([&](auto& solver) -> AnyFactor {
+      if constexpr (std::is_same_v<decltype(solver), ComplexSolver&>)
+        return solver.refactorize_entries(
+            at, {reinterpret_cast<const std::complex<double>*>(values.data()), values.size() / 2});
+      else
+        return solver.refactorize_entries(at, {values.data(), values.size()});
+    });
+  });
+}
+
 SolveResult SolverHandle::solve(const nb::ndarray<const double, nb::device::cpu>& b,
                                 const nb::ndarray<double, nb::device::cpu>& x, Index columns, int transpose) {
   return call([&] {

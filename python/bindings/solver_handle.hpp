@@ -66,6 +66,7 @@ class SolverHandle {
                               const Shape& shape);
   AnyFactor factorize(const Pointers& pointers, const Indices& indices, const Values& values, const Shape& shape);
   AnyFactor refactorize(const Values& values);
+  AnyFactor refactorize_entries(const Pointers& places, const Values& values);
   /// @param b, x  columns * n numbers, column by column; may be the same array
   /// @param transpose  of real systems whether the caller's matrix is transposed; of complex ones a Transpose of the
   ///                   matrix that the C++ solver holds

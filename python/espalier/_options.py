@@ -27,6 +27,7 @@ class SolverOptions(TypedDict, total=False):
     refinement_steps: int
     refinement_target: float
     required_backward_error: "float | str"
+    partial_refactorization: bool
     record_timeline: bool
 
 

@@ -83,6 +83,7 @@ class Change(_Table):
 class Factor(_Table):
     """Of a factorization. `null_vectors`: (n - rank, n) float64 (complex128), rows v with A v = 0, the largest number of each 1 in
     magnitude, or None for a regular matrix (and where they are many, unless `singular="null_vectors"` asks for them); `left_null_vectors`: likewise w with A^T w = 0, of a Hermitian matrix the conjugates;
+    `work_share`: operations done over those for all fronts, below 1 with `partial_refactorization=True`;
     `determinant_sign` of a complex matrix is the phase of the determinant; nan where it is not known (on GPUs, but for
     Hermitian matrices)."""
 
@@ -97,6 +98,7 @@ class Factor(_Table):
     delayed: int
     peak_host_bytes: int
     device: str
+    work_share: float
     dependent_rows: "list[int]"
     dependent_columns: "list[int]"
     null_vectors: "NDArray[np.float64] | NDArray[np.complex128] | None"

@@ -160,11 +160,39 @@ class Solver(Inverse):
 
         Raises SingularMatrixError, NotPositiveDefiniteError, OutOfMemoryError, DeviceError, InvalidInputError (NaN, wrong
         sizes, values that are not symmetric any more: give the matrix again)."""
+        before = self.factor
         if isinstance(A, tuple) or hasattr(A, "tocsc") or _device.is_sparse_tensor(A):
             status, found = self._factorize_matrix(A, stream)
         else:
             status, found = self._factorize_values(A, stream)
+        return self._taken_factor(status, found, before)
+
+    def factorize_entries(self, places: Any, values: Any) -> Factor:
+        """The values of the last factorization but for some: values[k] at places[k], whole numbers from 0 in the order of the
+        matrix's `data` (of a format other than CSR and CSC: in that of `A.tocsc().data`); the last of equal places counts.
+        Of a symmetric matrix that is stored in both triangles both places are needed. With `partial_refactorization=True`
+        only what these values reach is made again.
+
+        Raises InvalidInputError for values that are not finite and for places that do not exist or are stored twice: the
+        factor is as it was then. SingularMatrixError, NotPositiveDefiniteError as factorize()."""
+        import numpy as np
+
+        before = self._factored()
+        places, values = np.atleast_1d(np.asarray(places)), np.atleast_1d(_numbers(values, "the values", True))
+        if places.dtype.kind not in "iu" and places.size:
+            raise TypeError(f"places of dtype {places.dtype}; they are whole numbers from 0")
+        if places.ndim != 1 or values.shape != places.shape:
+            raise ValueError(f"places of shape {places.shape} and values of shape {values.shape}: give two vectors of one length")
+        if values.dtype.kind == "c" and not self._complex:
+            raise TypeError("complex values for a real matrix: give the matrix")
+        values = np.ascontiguousarray(values, dtype="complex128" if self._complex else "float64")
+        with self._watch(*self._factorizing(before)):
+            status, found = self._core.refactorize_entries(np.ascontiguousarray(places, dtype="int64"), _floats(values), self._n)
+        return self._taken_factor(status, found, before)
+
+    def _taken_factor(self, status: Any, found: Any, before: "Factor | None") -> Factor:
         if status[0]:
+            self.factor = before if self._core.state() == 2 else None  # values that were refused leave a factor
             raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
         found = [*found[:-2], *(v.view("complex128") if v is not None and self._complex else v for v in found[-2:])]
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])

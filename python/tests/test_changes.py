@@ -181,3 +181,53 @@ def test_analyze_change(layout):
     right = rng.random(400)
     np.testing.assert_allclose(b @ solver.solve(right), right, atol=1e-10)
     assert solver.analyze_change(sp.eye_array(7, format="csc")).full
+
+
+class TestPartialRefactorization:
+    @staticmethod
+    def system(n=30):
+        line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(n, n))
+        return (sp.kronsum(line, line) + 0.01 * sp.eye_array(n * n)).tocsc()
+
+    @pytest.mark.parametrize("layout", ["csc", "csr", "coo"])
+    @pytest.mark.parametrize("dtype", ["float64", "complex128"])
+    def test_has_the_bits_of_a_whole_one(self, layout, dtype):
+        rng = np.random.default_rng(3)
+        A = self.system().astype(dtype).asformat(layout)
+        partial, whole = esp.Solver(A, kind="lu", partial_refactorization=True), esp.Solver(A, kind="lu")
+        b = rng.standard_normal(A.shape[0])
+        for _ in range(6):
+            A.data[rng.integers(A.nnz)] *= 1.0 + rng.random()
+            assert partial.factorize(A).work_share < 1 and whole.factorize(A).work_share == 1
+            assert partial.factor.determinant_log == whole.factor.determinant_log
+            assert np.array_equal(partial.solve(b), whole.solve(b))
+
+    def test_takes_entries_alone(self):
+        A = self.system()
+        solver = esp.Solver(A, kind="lu", partial_refactorization=True)
+        assert solver.factorize_entries([5, 5], [7.0, 9.0]).work_share < 1
+        A.data[5] = 9
+        b = np.ones(A.shape[0])
+        assert np.array_equal(solver.solve(b), esp.Solver(A, kind="lu").solve(b))
+
+    def test_refused_entries_leave_the_factor(self):
+        A = self.system()
+        solver = esp.Solver(A, partial_refactorization=True)
+        b = np.ones(A.shape[0])
+        x = solver.solve(b)
+        with pytest.raises(esp.InvalidInputError, match="no place 99999999"):
+            solver.factorize_entries(99999999, 1.0)
+        with pytest.raises(esp.InvalidInputError, match="nan"):
+            solver.factorize_entries([0], [np.nan])
+        with pytest.raises(ValueError, match="one length"):
+            solver.factorize_entries([0, 1], [1.0])
+        with pytest.raises(TypeError, match="whole numbers"):
+            solver.factorize_entries([0.5], [1.0])
+        with pytest.raises(TypeError, match="complex"):
+            solver.factorize_entries([0], [1j])
+        A.data[3] = np.inf
+        with pytest.raises(esp.InvalidInputError):
+            solver.factorize(A)
+        assert np.array_equal(solver.solve(b), x)
+        with pytest.raises(RuntimeError, match="no factorization"):
+            esp.Solver().factorize_entries([0], [1.0])

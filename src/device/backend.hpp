@@ -67,6 +67,7 @@ struct PlanWish {
   bool unequal = false;            ///< they are not all of one kind, or not equally fast
   std::vector<double> speed = {};  ///< of the devices, relative to the fastest; empty: all are equal
   Sharing sharing = {};
+  bool keep_contributions = false;  ///< Options::partial_refactorization
   int threads = 1;             ///< of the host
   plan::Machine machine = {};  ///< rates by which times are predicted and fronts dealt
 };

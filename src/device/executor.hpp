@@ -81,6 +81,11 @@ class Executor {
   /// @param values  the caller's value array (plan.entries index it), scaled so that entries are about 1 at most
   /// @throws Error(device_error) with the failing call; the executor stays usable
   virtual FactorOutcome factorize(std::span<const T> values) = 0;
+  /// The same numbers, where the last factorization was one of the values `before`, as many: backends that can make
+  /// only those fronts that the values which differ reach, to the last bit as factorize() would (FactorOutcome::share).
+  virtual FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> /*before*/) {
+    return factorize(values);
+  }
   /// Solves in place: x holds the right-hand sides on entry and the solutions on return, n rows in elimination order,
   /// row-major with `columns` values per row. transpose: solves with the transposed matrix (lu; a symmetric or
   /// Hermitian one is solved with itself).

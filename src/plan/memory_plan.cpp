@@ -204,6 +204,16 @@ class MemoryPlanner {
   }
 
   [[nodiscard]] bool backwards() const { return plan_.ownership.devices == 1; }
+  [[nodiscard]] bool keeps_contributions() const {
+    return plan_.options.keep_contributions && backwards() && sizes_ == nullptr;
+  }
+
+  // Among the factors, where nothing is ever taken over by others.
+  void keep_contribution(Index f, Offset size) {
+    m_.contribution[f] = factor_end_;
+    if (plan_.options.unsymmetric) m_.contribution2[f] = factor_end_ + contribution_entries(f);
+    factor_end_ += size;
+  }
 
   void begin_front(Index f) {
     m_.factor[f] = factor_end_;
@@ -214,10 +224,12 @@ class MemoryPlanner {
     } else if (plan_.options.ldlt && plan_.whole[f] == 0) {
       take(work_, f, factor_entries(f), plan_.last_task[f], f);
     }
-    factor_ends_.emplace_back(plan_.first_task[f], factor_end_);
+    if (!keeps_contributions()) factor_ends_.emplace_back(plan_.first_task[f], factor_end_);
     const Index parent = plan_.tree.parent[f];
     const Offset contribution = contribution_entries(f) * (plan_.options.unsymmetric ? 2 : 1);
-    if (m_.on_stack[f] == 0 && parent >= 0)
+    if (m_.on_stack[f] == 0 && parent >= 0 && keeps_contributions())
+      keep_contribution(f, contribution);
+    else if (m_.on_stack[f] == 0 && parent >= 0)
       take(contribution_, f, contribution, plan_.last_task[parent], parent);
     else if (parent < 0 && plan_.tree.border > 0)  // what is left for the border stays
       take(contribution_, f, contribution, static_cast<Index>(all_tasks()), f);
@@ -313,8 +325,14 @@ class MemoryPlanner {
       for (; born != births.end() && (*born)->first >= now; ++born) heap_.give_back((*born)->at, (*born)->size);
       while (!factor_ends_.empty() && factor_ends_.back().first >= now) factor_ends_.pop_back();
       r->at = heap_.take(r->size);
-      m_.size = std::max(m_.size, (factor_ends_.empty() ? 0 : factor_ends_.back().second) + heap_.extent());
+      m_.size = std::max(m_.size, factor_end_of_now() + heap_.extent());
     }
+  }
+
+  // While places are dealt backwards. Where a front is made again later, factors and what is kept are all there.
+  [[nodiscard]] Offset factor_end_of_now() const {
+    if (keeps_contributions()) return factor_end_;
+    return factor_ends_.empty() ? 0 : factor_ends_.back().second;
   }
 
   void fix_addresses(Index f) {

@@ -109,6 +109,9 @@ struct PlanOptions {
   /// list.
   bool narrow_first = false;
   bool shared_top = true;  ///< block columns of the top are dealt to all devices; else all are the first one's
+  /// One device, arrays by FrontLayout: what fronts leave for their parents keeps places of its own after the
+  /// factorization, so that the next one need not make it again where nothing has changed.
+  bool keep_contributions = false;
 };
 
 /// Places in the arena that holds factors, contributions and work arrays; elements, not bytes. A region

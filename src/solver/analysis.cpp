@@ -43,6 +43,7 @@ device::PlanWish wish_of(const System& system, const Context& context) {
   wish.complex = system.complex_factor();
   wish.max_block_size = context.options.max_block_size;
   wish.sharing = context.options.sharing;
+  wish.keep_contributions = context.options.partial_refactorization;
   wish.threads = context.threads();
   if (context.link != nullptr) {
     wish.ranks = context.link->size();
@@ -241,7 +242,8 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset numbers = predicted_executor_bytes(a, context);
   const Offset vectors =
       4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
-  return a.bytes() + numbers + (plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
+  const Offset copies = context.options.partial_refactorization ? 2 : 1;  // with those of the factorization before
+  return a.bytes() + numbers + (copies * plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
 }
 
 Analyzed finish(Ordered ordered, const Context& context) {

@@ -374,6 +374,25 @@ int espalier_refactorize(espalier_solver* solver, const double* values, int64_t 
   return refactorize(solver, values, count, info, Call{values, size});
 }
 
+int espalier_refactorize_entries(espalier_solver* solver, const int64_t* places, const double* values, int64_t count,
+                                 espalier_factor_info* info) {
+  return guarded(solver, [&](espalier_solver& s) {
+    require(s.ranks.size() == 1, "several ranks share the solver: give values by espalier_refactorize");
+    require(count >= 0, "the number of places is negative");
+    require(count == 0 || (places != nullptr && values != nullptr), "the places or the values are null");
+    const std::span<const espalier::Offset> at(places, static_cast<std::size_t>(count));
+    return with_analyzed(s, [&](auto& cpp) {
+      require(cpp.state() == espalier::Solver::State::factorized, "call espalier_factorize first");
+      return factorize_by(s, cpp, info, [&] {
+        if constexpr (std::is_same_v<decltype(cpp), espalier::ComplexSolver&>)
+          return cpp.refactorize_entries(at, complex_span(values, at.size()));
+        else
+          return cpp.refactorize_entries(at, {values, at.size()});
+      });
+    });
+  });
+}
+
 int espalier_refactorize_device(espalier_solver* solver, const double* values, int64_t count, void* stream,
                                 espalier_factor_info* info) {
   struct Call {

@@ -34,6 +34,7 @@ espalier_factor_info report_to_c(const FactorReport& r) {
   info.delayed = r.delayed;
   info.determinant_log = r.determinant_log;
   info.peak_host_bytes = r.peak_host_bytes;
+  info.work_share = r.work_share;
   return info;
 }
 

@@ -125,16 +125,20 @@ ComplexFactorResult ComplexSolver::factorize(const ComplexMatrixView& a) {
   if (impl_->link() != nullptr) {
     r = solver::factorize_of_first(*impl_, checked);
   } else if (r.status = solver::guarded(*impl_, checked); r.status.ok()) {
-    r = solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(a.values)); });
+    r = solver::refactorize_by(*impl_, parts_of(a.values));
   }
   return complex_result(std::move(r), *impl_->factor);
 }
 
 ComplexFactorResult ComplexSolver::refactorize(std::span<const Value> values) {
   solver::check_values(*impl_, "ComplexSolver::refactorize", static_cast<Offset>(values.size()));
-  FactorResult r = impl_->parts
-                       ? solver::refactorize_part(*impl_, parts_of(values))
-                       : solver::factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(parts_of(values)); });
+  FactorResult r = impl_->parts ? solver::refactorize_part(*impl_, parts_of(values))
+                                : solver::refactorize_by(*impl_, parts_of(values));
+  return complex_result(std::move(r), *impl_->factor);
+}
+
+ComplexFactorResult ComplexSolver::refactorize_entries(std::span<const Offset> places, std::span<const Value> values) {
+  FactorResult r = solver::refactorize_entries(*impl_, "ComplexSolver::refactorize_entries", places, parts_of(values));
   return complex_result(std::move(r), *impl_->factor);
 }
 

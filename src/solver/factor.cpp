@@ -139,6 +139,7 @@ GpuPlaces Factor::gpu_places() const {
 
 void Factor::begin() {
   return_to_device();
+  changes_before_ = changes_;
   factorized_ = false;
   result_ = FactorResult{};
   deficiency_.reset();
@@ -200,6 +201,7 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
                           context_.budget.peak());
   if (hopeless) forget_rank(result_);
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
+  result_.work_share = changes_ == changes_before_ ? outcome.share : 1;
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
     phase_ = analysis_->system->real_form ? phase_of_real_form(*analysis_, result_)

@@ -87,6 +87,11 @@ class Factor {
   /// Whose memory the values of the next factorization may lie in; null: the host's alone. The numeric part is made,
   /// where there is none yet.
   [[nodiscard]] device::DeviceLinearSystem* device_of_values();
+  /// The caller's values of the last factorization but for some of them (see Solver::refactorize_entries()).
+  /// @throws Error(invalid_input)
+  [[nodiscard]] std::vector<double> values_with(std::span<const Offset> places, std::span<const double> values);
+  /// @throws Error(invalid_input) for values of the caller that no factorization takes: not finite, not symmetric
+  void expect_fit(std::span<const double> values) const;
   /// Gives back all memory of the factor; the values stay.
   void drop();
   /// Leaves the memory of the factor to itself: in the child of a fork(), a device of the parent cannot be asked.
@@ -200,6 +205,7 @@ class Factor {
   std::string inaccurate_;  ///< why the next factorization is in FP64; empty: no reason
   SharedAnalysis analysis_;
   int changes_ = 0;
+  int changes_before_ = 0;  // this factorization
   FactorValues values_;
   std::vector<double> border_values_;
   Offset charged_ = 0;                    // of the analysis and the values, in the budget

@@ -1,6 +1,11 @@
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <atomic>
+#include <cmath>
 #include <utility>
 
+#include "base/at.hpp"
 #include "solve/rank_residual.hpp"
 #include "solver/factor.hpp"
 
@@ -80,6 +85,52 @@ void FactorValues::fetch(device::DeviceLinearSystem* device) {
   device->read_values(values_);
   residual_.set_values(values_);
   on_device_ = false;
+}
+
+namespace {
+
+// Of entries that are stored several times only the sum is known. @param target  of all of the caller's values
+void refuse_duplicates(std::span<const Offset> target, std::span<const Offset> places) {
+  if (target.empty()) return;
+  std::vector<char> times(at(*std::max_element(target.begin(), target.end()) + 1), 0);
+  for (const Offset entry : target) times[at(entry)] = static_cast<char>(std::min(2, times[at(entry)] + 1));
+  for (const Offset place : places)
+    if (times[at(target[at(place)])] > 1)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("the entry at place {} is stored more than once, and of its parts only the sum is known; "
+                              "give all values",
+                              place));
+}
+
+}  // namespace
+
+std::vector<double> Factor::values_with(std::span<const Offset> places, std::span<const double> values) {
+  const PreparedMatrix& p = analysis_->system->prepared;
+  for (const Offset place : places)
+    if (place < 0 || place >= p.caller_nonzeros)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("there is no place {} among the {} values of the matrix", place, p.caller_nonzeros));
+  refuse_duplicates(p.target, places);
+  std::vector<double> all = values_by_caller();
+  const std::size_t parts = at(base::parts_of(p.numbers));
+  for (std::size_t k = 0; k < places.size(); ++k)
+    std::copy_n(values.data() + parts * k, parts, all.data() + parts * at(places[k]));
+  return all;
+}
+
+void Factor::expect_fit(std::span<const double> values) const {
+  const PreparedMatrix& p = analysis_->system->prepared;
+  constexpr std::int64_t kValues = 1 << 16;
+  std::atomic<bool> finite{true};
+  context_.pool.for_each_range(static_cast<std::int64_t>(values.size()), kValues,
+                               [&](std::int64_t begin, std::int64_t end) {
+                                 for (auto k = begin; k < end; ++k)
+                                   if (!std::isfinite(values[at(k)])) finite = false;
+                               });
+  if (finite && p.keeps_order() && p.numbers != base::Numbers::hermitian) return;
+  Values mine(values_.values().size());
+  copy_values(p, values, mine, context_.pool);
+  if (!finite || !has_real_diagonal(p, mine)) refuse_entry(p, mine);
 }
 
 }  // namespace espalier::solver

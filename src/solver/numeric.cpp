@@ -60,6 +60,7 @@ class NumericOf final : public Numeric {
     const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
     values_ = base::Buffer<T>(plan::values_of(*plan_, factored.nonzeros()) + of_border, &budget_);
     if constexpr (kRealForm) numbers_ = base::Buffer<std::complex<T>>(prepared_.a.nonzeros(), &budget_);
+    if (context.options.partial_refactorization) before_ = base::Buffer<T>(values_.size(), &budget_);
     smallest_.resize(diagonal_.size());
   }
 
@@ -72,6 +73,8 @@ class NumericOf final : public Numeric {
       refuse_entry(prepared_, given);
     }
     if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
+    const bool follows = std::exchange(factorized_, false) && before_.size() > 0;
+    if (before_.size() > 0) std::swap(values_, before_);
     const double largest = scale();
     if constexpr (!kComplex) {
       if (border_)
@@ -86,7 +89,9 @@ class NumericOf final : public Numeric {
         smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
-    device::FactorOutcome outcome = executor_->factorize(values_.span());
+    device::FactorOutcome outcome =
+        follows ? executor_->factorize_changed(values_.span(), before_.span()) : executor_->factorize(values_.span());
+    factorized_ = true;
     stage.reach(flops_);
     return outcome;
   }
@@ -105,8 +110,11 @@ class NumericOf final : public Numeric {
   device::FactorOutcome factorize_rest() override {
     const base::Stage stage("factorization", flops_, "flops");
     executor_->set_pivot_rule(rule_);
+    factorized_ = false;
     if (!position_.empty()) (void)scale();
-    return executor_->factorize(values_.span());
+    device::FactorOutcome outcome = executor_->factorize(values_.span());
+    factorized_ = true;
+    return outcome;
   }
   [[nodiscard]] bool left_something() const override {
     return base::keeps_fp64<T> && device_ == nullptr && executor_->left_contributions() != nullptr;
@@ -386,7 +394,9 @@ class NumericOf final : public Numeric {
   ranks::Link* link_;          // null: there are no other ranks
   double smallest_pivot_ = 0;  // relative to the largest scaled entry
   bool parts_with_zeros_ = false;
-  base::Buffer<T> values_;                               // scaled; only without device_
+  base::Buffer<T> values_;   // scaled; only without device_
+  base::Buffer<T> before_;   // of the factorization before, where only what has changed is to be made; else empty
+  bool factorized_ = false;  // values_ are those of the executor's last factorization
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;
   std::vector<double> unit_;      // FP32: of the right-hand sides in work

@@ -111,7 +111,7 @@ constexpr std::array<std::pair<std::string_view, SingularMatrix>, 3> kSingular{
 constexpr std::array<std::pair<std::string_view, Rescale>, 3> kRescale{
     {{"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}}};
 
-constexpr std::array<OptionText, 20> kOptions{{
+constexpr std::array<OptionText, 21> kOptions{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -163,6 +163,8 @@ constexpr std::array<OptionText, 20> kOptions{{
        else
          o.required_backward_error = parse_number<double>(k, v, 0, 1, kExpected);
      }},
+    {"partial_refactorization",
+     [](Options& o, std::string_view k, std::string_view v) { o.partial_refactorization = parse_switch(k, v); }},
     {"record_timeline",
      [](Options& o, std::string_view k, std::string_view v) { o.record_timeline = parse_switch(k, v); }},
 }};

@@ -599,6 +599,14 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
   return scales;
 }
 
+bool has_real_diagonal(const PreparedMatrix& p, std::span<const double> values) {
+  if (p.numbers != base::Numbers::hermitian) return true;
+  for (Index c = 0; c < p.n(); ++c)
+    for (Offset q = p.a.col_ptr[c]; q < p.a.col_ptr[c + 1]; ++q)
+      if (p.a.row_ind[q] == c && values[2 * static_cast<std::size_t>(q) + 1] != 0) return false;
+  return true;
+}
+
 [[noreturn]] void refuse_entry(const PreparedMatrix& p, std::span<const double> values) {
   const auto parts = static_cast<std::size_t>(base::parts_of(p.numbers));
   for (Index c = 0; c < p.n(); ++c)

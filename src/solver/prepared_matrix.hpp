@@ -118,6 +118,9 @@ void refuse_zero_rows(const PreparedMatrix& p);
 /// every factorization cost a small system more than its arithmetic.
 void note_determinant(PreparedMatrix& p);
 
+/// Of a Hermitian matrix; others have nothing to fulfil.
+bool has_real_diagonal(const PreparedMatrix& p, std::span<const double> values);
+
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.
 [[noreturn]] void refuse_entry(const PreparedMatrix& p, std::span<const double> values);
 

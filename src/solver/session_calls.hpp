@@ -74,6 +74,39 @@ FactorResult factor_by(Session& s, Body&& body) {
   return copy_of(result);
 }
 
+// New values for all entries. With Options::partial_refactorization a factor outlives values that are refused.
+inline FactorResult refactorize_by(Session& s, std::span<const double> values) {
+  if (s.options.partial_refactorization && s.state() == Solver::State::factorized) {
+    Status status = guarded(s, [&] { s.factor->expect_fit(values); });
+    if (!status.ok()) {
+      FactorResult refused;
+      refused.status = std::move(status);
+      return refused;
+    }
+  }
+  return factor_by(s, [&](Factor& factor) { factor.factorize(values); });
+}
+
+// @param values  doubles (base::Numbers), as many as places ask for
+inline FactorResult refactorize_entries(Session& s, const char* call, std::span<const Offset> places,
+                                        std::span<const double> values) {
+  check_factorized(s, call);
+  if (s.parts || s.link() != nullptr)
+    throw std::logic_error(fmt::format("{}: the matrix comes in parts; give all values", call));
+  const std::size_t parts = static_cast<std::size_t>(base::parts_of(s.current().system->numbers()));
+  if (values.size() != parts * places.size())
+    throw std::invalid_argument(fmt::format("{}: {} values for {} places", call, values.size() / parts, places.size()));
+  std::vector<double> all;
+  FactorResult refused;
+  refused.status = guarded(s, [&] {
+    s.expect_usable();
+    all = s.factor->values_with(places, values);
+    s.factor->expect_fit(all);
+  });
+  if (!refused.status.ok()) return refused;
+  return factor_by(s, [&](Factor& factor) { factor.factorize(all); });
+}
+
 template <class Body>
 SolveResult solve_by(Session& s, Body&& body) {
   s.solution = SolveResult{};

@@ -76,7 +76,7 @@ FactorResult Solver::factorize(const MatrixView& a) {
   };
   if (impl_->link() != nullptr) return solver::factorize_of_first(*impl_, checked);
   Status status = guarded(*impl_, checked);
-  if (status.ok()) return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(a.values); });
+  if (status.ok()) return solver::refactorize_by(*impl_, a.values);
   FactorResult r;
   r.status = std::move(status);
   return r;
@@ -85,7 +85,11 @@ FactorResult Solver::factorize(const MatrixView& a) {
 FactorResult Solver::refactorize(std::span<const double> values) {
   check_values(*impl_, "Solver::refactorize", static_cast<Offset>(values.size()));
   if (impl_->parts) return solver::refactorize_part(*impl_, values);
-  return factor_by(*impl_, [&](solver::Factor& factor) { factor.factorize(values); });
+  return solver::refactorize_by(*impl_, values);
+}
+
+FactorResult Solver::refactorize_entries(std::span<const Offset> places, std::span<const double> values) {
+  return solver::refactorize_entries(*impl_, "Solver::refactorize_entries", places, values);
 }
 
 FactorResult Solver::refactorize_device(const double* values, Offset count, void* stream) {

@@ -3,84 +3,9 @@
 #include <algorithm>
 
 #include "base/at.hpp"
+#include "device/host/kept_fronts.hpp"
 
 namespace espalier::device::host {
-
-namespace {
-
-// Whether a front has been made, in the last factorization or in an earlier one of the same values.
-template <class T>
-bool was_begun(const NumericState<T>& s, Index f) {
-  const std::uint8_t verdict = s.verdict.value(f);
-  return s.begun[at(f)] != 0 || verdict == kVerdictGood || verdict == kVerdictFailed;
-}
-
-// Fronts that must be made again, in numbers of the plan before; closed under all that follows from one of them.
-template <class T>
-class Again {
- public:
-  explicit Again(const NumericState<T>& s)
-      : s_(s), plan_(s.plan), must_(at(plan_.fronts())), range_begin_(must_.size()) {
-    for (Index f = 0; f < plan_.fronts(); ++f) range_begin_[at(f)] = f;
-    for (const plan::Task& t : plan_.tasks)
-      if (t.is_range()) range_begin_[at(t.front)] = t.begin;
-    list_waiters();
-  }
-
-  void add(Index f) {
-    if (must_[at(f)] != 0) return;
-    must_[at(f)] = 1;
-    open_.push_back(f);
-  }
-
-  std::vector<char> close() {
-    while (!open_.empty()) {
-      const Index f = open_.back();
-      open_.pop_back();
-      if (plan_.tree.parent[f] >= 0) add(plan_.tree.parent[f]);
-      const bool lost = add_waiters(f);
-      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
-        if (lost || plan_.memory.on_stack[plan_.children[c]] != 0) add(plan_.children[c]);
-    }
-    return std::move(must_);
-  }
-
- private:
-  void list_waiters() {
-    const plan::MemoryPlan& m = plan_.memory;
-    waiter_ptr_.assign(must_.size() + 1, 0);
-    for (const Index f : m.wait_fronts) ++waiter_ptr_[at(f) + 1];
-    for (std::size_t f = 0; f < must_.size(); ++f) waiter_ptr_[f + 1] += waiter_ptr_[f];
-    waiter_.resize(m.wait_fronts.size());
-    std::vector<Offset> next(waiter_ptr_.begin(), waiter_ptr_.end() - 1);
-    for (Index g = 0; g < plan_.fronts(); ++g)
-      for (Offset q = m.wait_ptr[g]; q < m.wait_ptr[g + 1]; ++q) waiter_[next[at(m.wait_fronts[q])]++] = g;
-  }
-
-  // Those that have taken over memory which f and its children had. @returns whether there are any
-  bool add_waiters(Index f) {
-    bool any = false;
-    for (Offset q = waiter_ptr_[at(f)]; q < waiter_ptr_[at(f) + 1]; ++q) {
-      const Index last = waiter_[q], first = range_begin_[at(last)];
-      bool begun = false;
-      for (Index g = first; g <= last && !begun; ++g) begun = was_begun(s_, g);
-      if (!begun) continue;
-      any = true;
-      for (Index g = first; g <= last; ++g) add(g);
-    }
-    return any;
-  }
-
-  const NumericState<T>& s_;
-  const plan::Plan& plan_;
-  std::vector<char> must_;
-  std::vector<Index> range_begin_;  // by the last front of a range; else the front itself
-  std::vector<Offset> waiter_ptr_;
-  std::vector<Index> waiter_;
-  std::vector<Index> open_;
-};
-
-}  // namespace
 
 template <class T>
 bool LeftInArena<T>::has(Index f) const {
@@ -141,22 +66,6 @@ void judge_front(NumericState<T>& s, Index f) {
 }
 
 template <class T>
-std::vector<char> fronts_to_keep(const NumericState<T>& s, const plan::Plan& changed,
-                                 const plan::FrontsBefore& before) {
-  Again<T> again(s);
-  std::vector<char> same(at(s.plan.fronts()), 0);
-  for (const Index f : before.same)
-    if (f >= 0) same[at(f)] = 1;
-  for (Index f = 0; f < s.plan.fronts(); ++f)
-    if (same[at(f)] == 0 || s.verdict.value(f) != kVerdictGood) again.add(f);
-  const std::vector<char> must = again.close();
-  std::vector<char> keep(at(changed.fronts()), 0);
-  for (std::size_t f = 0; f < keep.size(); ++f)
-    keep[f] = static_cast<char>(before.same[f] >= 0 && must[at(before.same[f])] == 0);
-  return keep;
-}
-
-template <class T>
 std::vector<char> fronts_begun(const NumericState<T>& s, const plan::Plan& changed, const plan::FrontsBefore& before) {
   std::vector<char> begun(at(changed.fronts()), 0);
   std::vector<Index> name(at(s.plan.fronts()), -1);
@@ -199,15 +108,14 @@ void NumericState<T>::take_arena(NumericState& from) {
   places = arena.data();
 }
 
-#define ESPALIER_INSTANTIATE(T)                                                                                    \
-  template bool memory_is_free(const NumericState<T>&, Index, double*);                                            \
-  template bool children_are_good(const NumericState<T>&, Index, double*);                                         \
-  template void judge_front(NumericState<T>&, Index);                                                              \
-  template std::vector<char> fronts_to_keep(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&); \
-  template std::vector<char> fronts_begun(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&);   \
-  template NumericState<T>::NumericState(const plan::Plan&, const plan::FrontsBefore&, std::vector<char>,          \
-                                         const NumericState<T>&, base::MemoryBudget*);                             \
-  template void NumericState<T>::take_arena(NumericState<T>&);                                                     \
+#define ESPALIER_INSTANTIATE(T)                                                                                  \
+  template bool memory_is_free(const NumericState<T>&, Index, double*);                                          \
+  template bool children_are_good(const NumericState<T>&, Index, double*);                                       \
+  template void judge_front(NumericState<T>&, Index);                                                            \
+  template std::vector<char> fronts_begun(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&); \
+  template NumericState<T>::NumericState(const plan::Plan&, const plan::FrontsBefore&, std::vector<char>,        \
+                                         const NumericState<T>&, base::MemoryBudget*);                           \
+  template void NumericState<T>::take_arena(NumericState<T>&);                                                   \
   template class LeftInArena<T>;
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE

@@ -32,12 +32,6 @@ bool children_are_good(const NumericState<T>& s, Index f, double* waited);
 template <class T>
 void judge_front(NumericState<T>& s, Index f);
 
-/// After a halted factorization: which fronts of the changed plan need not be made again, by front. Beyond those that
-/// were not made or have changed, all above them must be, and where the contributions that they need have lost their
-/// places to others, those that made them, and the others.
-template <class T>
-std::vector<char> fronts_to_keep(const NumericState<T>& s, const plan::Plan& changed, const plan::FrontsBefore& before);
-
 /// Which fronts of the changed plan, by front, have written to the memory that they take over from others.
 template <class T>
 std::vector<char> fronts_begun(const NumericState<T>& s, const plan::Plan& changed, const plan::FrontsBefore& before);

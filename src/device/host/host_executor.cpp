@@ -6,6 +6,7 @@
 
 #include "base/stage.hpp"
 #include "device/host/halting.hpp"
+#include "device/host/kept_fronts.hpp"
 #include "device/host/numeric_state.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/task_queues.hpp"
@@ -144,7 +145,8 @@ class HostExecutor final : public Executor<T> {
         queues_(plan_),
         work_(make_workspaces(job.kind)),
         state_(plan_, {job.kind, job.hermitian}, job.rule, budget_, plan::elements_with_room(plan_.memory)),
-        solve_(state_, pool_, budget_) {
+        solve_(state_, pool_, budget_),
+        next_rule_(job.rule) {
     if (timeline_ == nullptr) return;
     for (int t = 0; t < pool_.size(); ++t) {
       const Index d = device_of(t);
@@ -166,12 +168,13 @@ class HostExecutor final : public Executor<T> {
         work_(from.fitting_workspaces(changed)),
         state_(plan_, before, fronts_to_keep(from.state_, changed, before), from.state_, budget_),
         solve_(state_, pool_, budget_),
-        tracks_(from.tracks_) {
+        tracks_(from.tracks_),
+        next_rule_(from.next_rule_) {
     state_.take_arena(from.state_);
     if (work_.empty()) work_ = std::move(from.work_);
   }
 
-  void set_pivot_rule(const PivotRule& rule) override { state_.rule = rule; }
+  void set_pivot_rule(const PivotRule& rule) override { next_rule_ = rule; }
   bool copy_inverse_pivots(std::span<T> d, std::span<T> e) const override {
     if (state_.kind != Kind::ldlt) return false;
     std::copy_n(state_.d_inverse.data(), d.size(), d.begin());
@@ -192,9 +195,20 @@ class HostExecutor final : public Executor<T> {
     return std::make_unique<HostExecutor>(plan, before, *this);
   }
 
+  FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
+    // A first factorization in a changed plan keeps what it can by itself.
+    if (complete_ && state_.kept.empty() && devices_ == 1) {
+      state_.kept = unchanged_fronts(state_, values, before, next_rule_, pool_);
+      std::fill(state_.begun.begin(), state_.begun.end(), 1);
+    }
+    return factorize(values);
+  }
+
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
     const KeptOnce<T> once{state_};
+    complete_ = false;
+    state_.rule = next_rule_;
     reset(values);
     base::Stage* const stage = base::Stage::current("factorization");
     const auto take_tasks = [&](int worker) {
@@ -222,6 +236,8 @@ class HostExecutor final : public Executor<T> {
       pool_.share(take_tasks);
     FactorOutcome out = summarize(state_, work_);
     halted_ = out.halted;
+    complete_ = !halted_ && !state_.abort;
+    if (!state_.kept.empty()) out.share = share_of_others(plan_, state_.kept);
     out.seconds = base::now_seconds() - start;
     return out;
   }
@@ -382,6 +398,8 @@ class HostExecutor final : public Executor<T> {
   TriangularSolve<T> solve_;
   std::vector<int> tracks_;
   bool halted_ = false;
+  bool complete_ = false;  // the last factorization has made all fronts
+  PivotRule next_rule_;    // of the next factorization
   LeftInArena<T> left_{state_};
 };
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <limits>
 #include <memory>
 #include <span>
 #include <vector>
@@ -37,6 +38,7 @@ struct FrontOutcome {
   Index negative = 0;
   Index two_by_two = 0;
   Index small_negative = 0;
+  double least_pivot = std::numeric_limits<double>::infinity();  ///< ldlt, lu: magnitude; 0: was not looked at
   Determinant determinant;
 };
 

@@ -41,12 +41,17 @@ PairEigenvalues eigenvalues(T first, T coupling, T second, bool hermitian) {
   return {larger, (a * c - b * b) / larger};
 }
 
+void note_pivot(FrontOutcome& out, double magnitude) {
+  if (!(magnitude >= out.least_pivot)) out.least_pivot = magnitude > 0 ? magnitude : 0;  // not a number: 0
+}
+
 // Eigenvalues of the pivots of ldlt that are kept, but small.
 template <class T>
 void mark_small(NumericState<T>& s, const PivotBlock& block, const T* d, const T* e, const char* replaced,
                 FrontOutcome& out) {
   const Index at = block.at, n = block.size;
   const auto judge = [&](Index k, double eigenvalue) {
+    note_pivot(out, std::abs(eigenvalue));
     if (!(std::abs(eigenvalue) < s.rule.suspect)) return;
     s.column_state[at + s.pivot_order[at + k]] |= kColumnSmall;
     if (eigenvalue < 0) ++out.small_negative;
@@ -94,13 +99,17 @@ void book_pivots(NumericState<T>& s, Workspace<T>& w, const PivotBlock& block, c
     const T *d = w.column.data(), *e = d + n;
     invert_blocks(n, d, e, s.d_inverse.data() + at, s.e_inverse.data() + at, s.hermitian);
     multiply_determinant(n, d, e, s.hermitian, out.determinant);
-    if (s.rule.suspect > 0) mark_small(s, block, d, e, replaced, out);
+    if (s.rule.suspect > 0)
+      mark_small(s, block, d, e, replaced, out);
+    else
+      out.least_pivot = 0;
   } else {
     const bool judged = s.kind == Kind::llt && !s.rule.smallest.empty();
     for (Index k = 0; k < n; ++k) {
       const auto d = static_cast<WideOf<T>>(c[k * block.ld + k]);
       if (judged && std::real(d) * std::real(d) <= s.rule.smallest[static_cast<std::size_t>(at + k)])
         s.column_state[at + k] |= kColumnReplaced;
+      if (s.kind == Kind::lu) note_pivot(out, std::abs(d));
       if (s.kind == Kind::lu && std::abs(d) < s.rule.suspect && replaced[k] == 0)
         s.column_state[at + k] |= kColumnSmall;
       out.determinant.multiply(d);

@@ -1,0 +1,308 @@
+// Factorizations of which only what has changed is made (Options::partial_refactorization). Truth: the bits of a solver
+// that makes everything each time.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <random>
+#include <string>
+
+#include "solver/complex_common.hpp"
+#include "solver/solver_common.hpp"
+
+namespace espalier {
+namespace {
+
+using reference::Values;
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+Options bare(bool partial) {
+  Options o;
+  o.partial_refactorization = partial;
+  o.refinement_steps = 0;
+  o.required_backward_error = std::numeric_limits<double>::infinity();
+  o.singular = SingularMatrix::report;
+  return o;
+}
+
+// Values that differ from `now` in some way: here and there, near each other, or in what all pivots are measured by.
+template <class T>
+void change(std::vector<T>& now, const std::vector<T>& first, std::mt19937& random) {
+  const auto below = [&](std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(random); };
+  const std::size_t n = now.size(), at = below(n);
+  switch (below(9)) {
+    case 0:
+      break;
+    case 1:
+      now[at] *= 1.5;
+      break;
+    case 2:
+      for (std::size_t k = at; k < std::min(n, at + 12); ++k) now[k] *= 1 + 1e-3 * static_cast<double>(k - at);
+      break;
+    case 3:
+      for (int k = 0; k < 5; ++k) now[below(n)] *= 0.9;
+      break;
+    case 4:
+      now = first;
+      break;
+    case 5:
+      now[at] = 0;
+      break;
+    case 6:
+      now[at] *= 1e4;
+      break;
+    case 7:
+      for (T& v : now) v *= 2;
+      break;
+    case 8:
+      now[at] *= 1e-9;
+      break;
+  }
+}
+
+// @param symmetric  both triangles are stored
+template <class AnySolver, class Matrix>
+void expect_bits_of_all(Options options, Options full_options, const Matrix& a, unsigned seed, int rounds) {
+  using T = typename std::decay_t<decltype(a.values)>::value_type;
+  std::mt19937 random(seed);
+  AnySolver partial(std::move(options)), full(std::move(full_options));
+  ASSERT_TRUE(partial.analyze(a).status.ok());
+  ASSERT_TRUE(full.analyze(a).status.ok());
+  std::vector<T> now = a.values;
+  const std::vector<double> numbers = reference::random_vector(std::int64_t{2} * a.rows, seed);
+  std::vector<T> b;
+  for (Index i = 0; i < a.rows; ++i) b.push_back(numbers[static_cast<std::size_t>(2 * i)]);
+  for (int round = 0; round < rounds; ++round) {
+    SCOPED_TRACE("round " + std::to_string(round));
+    const auto p = partial.refactorize(now), f = full.refactorize(now);
+    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
+    EXPECT_EQ(p.inertia.negative, f.inertia.negative);
+    EXPECT_EQ(p.inertia.zero, f.inertia.zero);
+    EXPECT_EQ(p.rank, f.rank);
+    EXPECT_EQ(p.perturbed, f.perturbed);
+    EXPECT_EQ(p.two_by_two, f.two_by_two);
+    EXPECT_EQ(p.delayed, f.delayed);
+    EXPECT_EQ(p.dependent_rows, f.dependent_rows);
+    EXPECT_EQ(std::memcmp(&p.determinant_log, &f.determinant_log, sizeof(double)), 0)
+        << p.determinant_log << " / " << f.determinant_log;
+    EXPECT_LE(p.work_share, 1);
+    EXPECT_EQ(f.work_share, 1);
+    if (p.status.ok())
+      for (const Transpose t : {Transpose::no, Transpose::yes}) {
+        std::vector<T> x(b.size()), y(b.size());
+        (void)partial.solve(b, x, 1, t);
+        (void)full.solve(b, y, 1, t);
+        ASSERT_TRUE(same_bits(x, y)) << "of share " << p.work_share;
+      }
+    change(now, a.values, random);
+  }
+}
+
+struct Variant {
+  const char* name;
+  Kind kind;
+  Precision precision = Precision::fp64;
+  Index block = 0;
+  int threads = 2;
+  bool report = false;
+  Rescale rescale = Rescale::off;
+};
+
+std::vector<Variant> variants() {
+  return {{"llt", Kind::llt},
+          {"llt in small tiles", Kind::llt, Precision::fp64, 8, 3},
+          {"ldlt", Kind::ldlt},
+          {"ldlt in small tiles", Kind::ldlt, Precision::fp64, 8, 1},
+          {"ldlt in FP32", Kind::ldlt, Precision::fp32, 0, 3},
+          {"ldlt rescaled", Kind::ldlt, Precision::fp64, 0, 2, false, Rescale::on},
+          {"lu", Kind::lu},
+          {"lu in small tiles", Kind::lu, Precision::fp64, 8, 3},
+          {"lu mixed", Kind::lu, Precision::mixed, 0, 1},
+          {"chosen", Kind::automatic}};
+}
+
+std::vector<SparseMatrix> matrices(Kind kind, unsigned seed) {
+  std::vector<SparseMatrix> list;
+  list.push_back(reference::random_system(160, 4, Values::positive, seed));
+  if (kind != Kind::llt) list.push_back(reference::saddle_point(120, 30, seed));
+  if (kind == Kind::lu) list.push_back(reference::random_system(180, 4, Values::general, seed));
+  list.push_back(test::generated({"elasticity", "4"}));
+  return list;
+}
+
+TEST(PartialRefactorization, HasTheBitsOfAWholeOne) {
+  for (const Variant& v : variants())
+    for (unsigned seed = 1; seed <= 4; ++seed)
+      for (const SparseMatrix& a : matrices(v.kind, seed)) {
+        SCOPED_TRACE(std::string(v.name) + ", n = " + std::to_string(a.rows) + ", seed " + std::to_string(seed));
+        Options partial = bare(true), full = bare(false);
+        for (Options* o : {&partial, &full}) {
+          o->kind = v.kind;
+          o->precision = v.precision;
+          o->max_block_size = v.block;
+          o->rescale = v.rescale;
+        }
+        partial.threads = v.threads;
+        full.threads = 2;
+        expect_bits_of_all<Solver>(partial, full, a, seed, 25);
+        if (testing::Test::HasFailure()) return;
+      }
+}
+
+TEST(PartialRefactorization, OfComplexSystemsToo) {
+  for (const auto sort : {test::Sort::symmetric, test::Sort::hermitian, test::Sort::definite, test::Sort::general})
+    for (unsigned seed = 1; seed <= 4; ++seed) {
+      SCOPED_TRACE("sort " + std::to_string(static_cast<int>(sort)) + ", seed " + std::to_string(seed));
+      const bool hermitian = sort == test::Sort::hermitian || sort == test::Sort::definite;
+      const Storage storage = sort == test::Sort::general ? Storage::general
+                              : hermitian                 ? Storage::hermitian_lower
+                                                          : Storage::symmetric_lower;
+      const ComplexSparseMatrix a = test::sparse(test::random_dense(90, sort, seed), storage);
+      expect_bits_of_all<ComplexSolver>(bare(true), bare(false), a, seed, 20);
+    }
+}
+
+// One element of the surface of a clamped box.
+TEST(PartialRefactorization, MakesWhatValuesReach) {
+  const SparseMatrix a = test::generated({"elasticity", "10"});
+  Solver s(bare(true));
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  EXPECT_EQ(s.factorize(a).work_share, 1);
+  EXPECT_EQ(s.factorize(a).work_share, 0) << "nothing has changed";
+  std::vector<double> values = a.values;
+  values.front() *= 1.25;
+  const FactorResult one = s.refactorize(values);
+  EXPECT_GT(one.work_share, 0);
+  EXPECT_LT(one.work_share, 0.7) << "the fronts from one entry to the root";
+  for (double& v : values) v *= 3;
+  EXPECT_GT(s.refactorize(values).work_share, 0.99);
+  Solver other(bare(false));
+  ASSERT_TRUE(other.analyze(a).status.ok());
+  (void)other.factorize(a);
+  EXPECT_EQ(other.factorize(a).work_share, 1) << "everything is made where nobody asks for less";
+}
+
+TEST(PartialRefactorization, KeepsItsBudget) {
+  const SparseMatrix a = test::generated({"elasticity", "8"});
+  for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
+    Options o = bare(true);
+    o.kind = kind;
+    o.threads = 2;
+    Solver probe(o);
+    const AnalysisResult analysis = probe.analyze(a);
+    ASSERT_TRUE(analysis.status.ok());
+    o.host_memory_bytes = analysis.predicted_bytes;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    for (int k = 0; k < 3; ++k) {
+      const FactorResult f = s.factorize(a);
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_LE(f.peak_host_bytes, analysis.predicted_bytes);
+    }
+  }
+}
+
+TEST(PartialRefactorization, RefusedValuesLeaveTheFactor) {
+  const SparseMatrix a = reference::random_system(150, 4, Values::positive, 3);
+  const std::vector<double> b = reference::random_vector(a.rows, 4);
+  Solver s(bare(true));
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  std::vector<double> before(b.size()), after(b.size());
+  ASSERT_TRUE(s.solve(b, before).status.ok());
+  std::vector<double> bad = a.values;
+  bad[7] = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(s.refactorize(bad).status.code, StatusCode::invalid_input);
+  const std::vector<Offset> beyond{a.nonzeros()}, first{0};
+  const std::vector<double> one{1}, inf{std::numeric_limits<double>::infinity()};
+  EXPECT_EQ(s.refactorize_entries(beyond, one).status.code, StatusCode::invalid_input);
+  EXPECT_EQ(s.refactorize_entries(std::vector<Offset>{-1}, one).status.code, StatusCode::invalid_input);
+  EXPECT_EQ(s.refactorize_entries(first, inf).status.code, StatusCode::invalid_input);
+  EXPECT_THROW((void)s.refactorize_entries(first, {}), std::invalid_argument);
+  ASSERT_EQ(s.state(), Solver::State::factorized);
+  ASSERT_TRUE(s.solve(b, after).status.ok());
+  EXPECT_TRUE(same_bits(before, after));
+}
+
+TEST(PartialRefactorization, TakesSomeEntriesAlone) {
+  for (const bool partial : {true, false})
+    for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
+      const SparseMatrix a = reference::random_system(150, 4, Values::positive, 5);
+      Options o = bare(partial);
+      o.kind = kind;
+      Solver s(o), whole(bare(false));
+      ASSERT_TRUE(s.analyze(a).status.ok());
+      ASSERT_TRUE(s.factorize(a).status.ok());
+      const std::vector<Offset> places{3, 40, 3};
+      const std::vector<double> values{9, a.values[40] * 1.5, 1.25 * a.values[3]};
+      const FactorResult f = s.refactorize_entries(places, values);
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_EQ(f.work_share < 1, partial);
+      std::vector<double> expected = a.values;
+      expected[3] *= 1.25;
+      expected[40] *= 1.5;
+      EXPECT_TRUE(same_bits(s.values(), expected));
+      Options again = bare(false);
+      again.kind = kind;
+      Solver other(again);
+      ASSERT_TRUE(other.analyze(a).status.ok());
+      ASSERT_TRUE(other.refactorize(expected).status.ok());
+      const std::vector<double> b = reference::random_vector(a.rows, 4);
+      std::vector<double> x(b.size()), y(b.size());
+      (void)s.solve(b, x);
+      (void)other.solve(b, y);
+      EXPECT_TRUE(same_bits(x, y));
+    }
+}
+
+TEST(PartialRefactorization, OfPartsOfAnEntryOnlyTheSumIsKnown) {
+  SparseMatrix a;
+  a.rows = a.cols = 2;
+  a.storage = Storage::general;
+  a.col_ptr = {0, 3, 4};
+  a.row_ind = {0, 1, 1, 1};
+  a.values = {2, 1, 1, 3};
+  Solver s(bare(true));
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  const std::vector<double> five{5};
+  EXPECT_EQ(s.refactorize_entries(std::vector<Offset>{1}, five).status.code, StatusCode::invalid_input);
+  EXPECT_TRUE(s.refactorize_entries(std::vector<Offset>{3}, five).status.ok());
+}
+
+// What a stopped factorization has left is no factor to go on from.
+TEST(PartialRefactorization, AfterAStopEverythingIsMade) {
+  const SparseMatrix a = test::generated({"elasticity", "6"});
+  for (int calls = 1; calls < 40; calls += 3) {
+    int left = -1;
+    Options o = bare(true);
+    o.threads = 1;
+    o.interrupted_every = 0;
+    o.interrupted = [&left] { return left >= 0 && left-- == 0; };
+    Solver s(o), whole(bare(false));
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(whole.analyze(a).status.ok());
+    ASSERT_TRUE(s.factorize(a).status.ok());
+    std::vector<double> values = a.values;
+    values[5] *= 1.5;
+    left = calls;
+    const FactorResult stopped = s.refactorize(values);
+    left = -1;
+    values[9] *= 1.5;
+    const FactorResult f = s.refactorize(values);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    if (stopped.status.code == StatusCode::cancelled) EXPECT_EQ(f.work_share, 1);
+    ASSERT_TRUE(whole.refactorize(values).status.ok());
+    const std::vector<double> b = reference::random_vector(a.rows, 4);
+    std::vector<double> x(b.size()), y(b.size());
+    (void)s.solve(b, x);
+    (void)whole.solve(b, y);
+    EXPECT_TRUE(same_bits(x, y));
+  }
+}
+
+}  // namespace
+}  // namespace espalier
