@@ -90,8 +90,8 @@ struct Options {
   bool record_timeline = false;  ///< keep one event per task for write_trace()
   /// Whether a factorization makes only those fronts again that new values reach; all others are kept, and the numbers
   /// are those of a whole factorization, to the last bit (FactorReport::work_share). What fronts leave for their
-  /// parents then stays in memory as well, about as much again as the factor, and so does a copy of the values. In core
-  /// on the host, as one device; elsewhere everything is made.
+  /// parents then stays in memory as well, one to two times the size of the factor, and so does a copy of the values.
+  /// In core on the host, as one device; elsewhere everything is made.
   bool partial_refactorization = false;
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours

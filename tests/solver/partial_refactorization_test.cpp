@@ -294,14 +294,13 @@ TEST(PartialRefactorization, AfterAStopEverythingIsMade) {
     std::vector<double> values = a.values;
     values[5] *= 1.5;
     left = calls;
-    const FactorResult stopped = s.refactorize(values);
+    (void)s.refactorize(values);
+    const bool has_factor = s.state() == Solver::State::factorized;  // it was stopped before or after its work
     left = -1;
     values[9] *= 1.5;
     const FactorResult f = s.refactorize(values);
     ASSERT_TRUE(f.status.ok()) << f.status.message;
-    if (stopped.status.code == StatusCode::cancelled) {
-      EXPECT_EQ(f.work_share, 1);
-    }
+    EXPECT_EQ(f.work_share < 1, has_factor);
     ASSERT_TRUE(whole.refactorize(values).status.ok());
     const std::vector<double> b = reference::random_vector(a.rows, 4);
     std::vector<double> x(b.size()), y(b.size());
