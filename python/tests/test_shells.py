@@ -180,6 +180,16 @@ def test_what_is_no_shell_is_refused(tmp_path):
     with pytest.raises(espalier.Error, match="3 elements meet at the edge from node 2 to 5"):
         espalier.Model({"bodies": {"s": of_file(path)}}).modes(1)
     nodes, quads = grid(2, 1)
+    wrong = {"twice": [(1, 2, 2, 4), quads[1]], "has no area|is folded": [(1, 2, 4, 5), quads[1]]}
+    for message, elements in wrong.items():
+        with pytest.raises(espalier.Error, match=message):
+            espalier.Model({"bodies": {"s": of_file(deck(tmp_path / "w.inp", nodes, {"S4": elements}))}}).modes(1)
+    with pytest.raises(espalier.Error, match="folded .* at node 5"):
+        espalier.Model({"bodies": {"s": of_file(deck(tmp_path / "c.inp", {**nodes, 5: (0.1, 0.05, 0)}, {"S4": quads}))}}).modes(1)
+    nodes3, quads3 = grid(3, 1)
+    strip = [quads3[0], quads3[1], (3, 5, 1, 7)]
+    with pytest.raises(espalier.Error, match="Moebius|folded"):
+        espalier.Model({"bodies": {"s": of_file(deck(tmp_path / "m.inp", nodes3, {"S4": strip}))}}).modes(1)
     path = deck(tmp_path / "u.inp", nodes, {"S4": quads})
     for keys, message in ((dict(element_set="NO"), "NO"), (dict(nx=3), "does not go with 'mesh'"), (dict(thickness=-1), "thickness")):
         with pytest.raises(espalier.Error, match=message):
@@ -312,3 +322,32 @@ def test_a_frame_of_two_beams():
     area = math.pi * r**4 / 4
     truth = -(a**3 + b**3) / (3 * YOUNG * area) - a * a * b / (YOUNG / 2.5 * 2 * area)
     assert model.run().summary["values"]["tip.position.z"] == pytest.approx(truth, rel=2e-3)
+
+
+def test_shells_of_other_files_and_pieces(tmp_path):
+    """The same cantilever out of Gmsh, MEDIT and VTK; two strips that share no node."""
+    nodes, quads = grid(10, 2)
+    cells = "".join(f"{k + 1} 3 2 2 2 {' '.join(map(str, q))}\n" for k, q in enumerate(quads))
+    (tmp_path / "s.msh").write_text(
+        '$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n2\n1 1 "root"\n2 2 "plate"\n$EndPhysicalNames\n'
+        f"$Nodes\n{len(nodes)}\n" + "".join(f"{k} {x} {y} {z}\n" for k, (x, y, z) in nodes.items())
+        + f"$EndNodes\n$Elements\n{len(quads) + 2}\n{cells}98 1 2 1 1 1 12\n99 1 2 1 1 12 23\n$EndElements\n")
+    (tmp_path / "s.mesh").write_text(
+        f"MeshVersionFormatted 1\nDimension 3\nVertices\n{len(nodes)}\n" + "".join(f"{x} {y} {z} {5 if x == 0 else 0}\n" for x, y, z in nodes.values())
+        + f"Quadrilaterals\n{len(quads)}\n" + "".join(" ".join(map(str, q)) + " 1\n" for q in quads) + "End\n")
+    (tmp_path / "s.vtk").write_text(
+        f"# vtk DataFile Version 2.0\nstrip\nASCII\nDATASET UNSTRUCTURED_GRID\nPOINTS {len(nodes)} double\n"
+        + "".join(f"{x} {y} {z}\n" for x, y, z in nodes.values()) + f"CELLS {len(quads)} {5 * len(quads)}\n"
+        + "".join("4 " + " ".join(str(k - 1) for k in q) + "\n" for q in quads) + f"CELL_TYPES {len(quads)}\n" + "9\n" * len(quads)
+        + f"POINT_DATA {len(nodes)}\nSCALARS end int 1\nLOOKUP_TABLE default\n" + "".join(f"{int(x == 0)}\n" for x, _, _ in nodes.values()))
+    own = espalier.Model({"bodies": {"s": STRIP}, "supports": {"w": {"body": "s", "edge": "x0", "hold": "all"}}}).modes(3)["frequency"]
+    for name, wall in (("s.msh", "root"), ("s.mesh", "vertex-5"), ("s.vtk", "end-1")):
+        body = of_file(str(tmp_path / name), thickness=0.01, material=MATERIAL)
+        found = espalier.Model({"bodies": {"s": body}, "supports": {"w": {"body": "s", "nodes": wall, "hold": "all"}}}).modes(3)["frequency"]
+        assert found == pytest.approx(own, rel=1e-9), name
+    apart = {**nodes, **{100 + k: (x, y + 1, z) for k, (x, y, z) in nodes.items()}}
+    path = deck(tmp_path / "p.inp", apart, {"S4": quads + [tuple(100 + k for k in q) for q in quads]})
+    result = espalier.Model({"bodies": {"s": of_file(path)}, "supports": {"w": {"body": "s", "nodes": "boundary", "hold": "all"}},
+                             "statics": {"linear": True}}).run()
+    assert any("falls into 2 pieces" in note for note in result.summary["notices"])
+    assert not any("SHELL" in note for note in result.summary["notices"])

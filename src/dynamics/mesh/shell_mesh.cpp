@@ -41,6 +41,7 @@ class ShellMesher {
     Index firsts = 0, seconds = 0;  // elements without and with nodes in the middles of edges
     for (Index e = 0; e < mesh.element_count(); ++e) {
       check_type(e);
+      check_nodes(e);
       corners_of_.push_back(static_cast<std::size_t>(shape_of(mesh.type(e)).corners));
       const bool second = mesh.element(e).size() > corners_of_.back();
       (second ? seconds : firsts) += 1;
@@ -88,6 +89,15 @@ class ShellMesher {
                         "'element_set'",
                         element_name(from_, e), shape_of(from_.type(e)).name));
     }
+  }
+
+  void check_nodes(Index e) const {
+    const auto nodes = from_.element(e);
+    for (std::size_t a = 0; a < nodes.size(); ++a)
+      for (std::size_t b = a + 1; b < nodes.size(); ++b)
+        if (nodes[a] == nodes[b])
+          refuse(fmt::format("element {} has the node {} twice; give it as a triangle", element_name(from_, e),
+                             node_name(from_, nodes[a])));
   }
 
   Index new_node(const Point& x) {
@@ -223,6 +233,13 @@ class ShellMesher {
     const Quad& k = quads_[q];
     const Point n = cross(plus(x[at(k[2])], x[at(k[0])], -1), plus(x[at(k[3])], x[at(k[1])], -1));
     if (!(length(n) > 0)) refuse(fmt::format("element {} has no area", element_name(from_, element_[q])));
+    for (std::size_t a = 0; a < 4; ++a) {
+      const Point& here = x[at(k[a])];
+      const Point corner = cross(plus(x[at(k[(a + 1) % 4])], here, -1), plus(x[at(k[(a + 3) % 4])], here, -1));
+      if (!(dot(corner, n) > 0))
+        refuse(fmt::format("element {} is folded or has an angle of 180 degrees and more at node {}",
+                           element_name(from_, element_[q]), out_.mesh.node_labels[at(k[a])]));
+    }
     return n;
   }
 

@@ -190,6 +190,10 @@ std::unique_ptr<FlexibleBody> make_of_file(const BodySpec& spec, ShellSpec& s, b
   s.mesh = std::make_shared<const Mesh>(std::move(made.mesh));
   out.notices = surfaces.notices;
   out.notices.insert(out.notices.end(), made.notices.begin(), made.notices.end());
+  if (const std::size_t pieces = s.mesh->pieces({}).size(); pieces > 1)
+    out.notices.push_back(fmt::format(
+        "the shell falls into {} pieces that share no node; where joints do not hold all of them, they move apart",
+        pieces));
   const auto [least, most] = std::minmax_element(thickness.begin(), thickness.end());
   if (*least < *most)
     out.notices.push_back(
