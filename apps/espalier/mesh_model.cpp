@@ -106,7 +106,9 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
     throw Error(StatusCode::invalid_input, fmt::format("no model of '{}': {}", mesh_file, what));
   };
   if (survey.solids == 0)
-    refuse("it has no solids; shells and beams of models are made by their dimensions (docs/guide/simulate.md)");
+    refuse(
+        "it has no solids; of triangles and quadrilaterals make a body of type \"shell\" "
+        "(docs/guide/simulate.md#shells-of-mesh-files)");
   if (survey.simulated < survey.solids) refuse("it has solids that are not simulated (tet4, tet10, hex8, hex20 are)");
   Mesh mesh = stated;
   mesh.drop_unused_nodes();

@@ -31,7 +31,7 @@ PARTS = {
         "solid": (_FLEXIBLE + "read_solid plain_material", "", "mesh"),
         "cable": (_FLEXIBLE + "read_cable plain_material", "", "start end"),
         "beam": (_FLEXIBLE + "read_axis read_beam plain_material", "", ""),
-        "shell": (_FLEXIBLE + "read_shell plain_material", "", "x y thickness material"),
+        "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file plain_material", "", ""),
         "substructure": (_FLEXIBLE + "read_substructure read_lines", "gravity type position rotation velocity angular_velocity damping"
                          " reduce stiffness mass nodes lines", "stiffness mass nodes")},
     "joints": {t: (f"read_joint {_FRAMES} read_attach read_rolling read_joint_contacts", _JOINT + more, needed) for t, more, needed in (
@@ -109,7 +109,7 @@ def type_of(section, kind, key):
     """What Python takes for a key."""
     special = {("forces", "force-motor", "force"): "Number", ("forces", "bushing", "stiffness"): "Vector",
                ("forces", "bushing", "damping"): "Vector"}
-    by_name = {("bodies", "material"): "str | Material", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh",
+    by_name = {("bodies", "material"): "str | Material", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
                ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
                ("supports", "motion"): "Displacements", ("supports", "symmetry"): "str | Vector", ("joints", "limits"): "Limits",
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("splines", "points"): "Points",

@@ -18,6 +18,7 @@ void bind_dae(nanobind::module_& m);
 void bind_model_text(nanobind::module_& m);
 void bind_modes(nanobind::module_& m);
 void bind_harmonic(nanobind::module_& m);
+void bind_reduced(nanobind::module_& m);
 void bind_changes(nanobind::module_& m);
 void bind_sensitivities(nanobind::module_& m);
 void bind_xla(nanobind::module_& m);

@@ -74,6 +74,7 @@ NB_MODULE(_core, m) {
   espalier::python::bind_model_text(m);
   espalier::python::bind_modes(m);
   espalier::python::bind_harmonic(m);
+  espalier::python::bind_reduced(m);
   espalier::python::bind_changes(m);
   espalier::python::bind_sensitivities(m);
   espalier::python::bind_xla(m);

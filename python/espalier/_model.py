@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from ._harmonic import ModelHarmonic
     from ._options import DerivativeOptions, GradientOptions, RunOptions, Sections, SolverOptions
+    from ._reduced import ReducedBody
     from ._parts import HarmonicKeys, Initial, Integrator, Numbers, Output, Statics, Vector
     from ._sensitivities import Derivatives
     from ._simulation import Observer
@@ -227,6 +228,17 @@ class Model(Parts):
         self._raise(status)
         first = 0 if number else 1  # without the value that nobody gave
         return np.array([row[first:] for row in rows], dtype=[(n, np.int64 if n == "mode" else np.float64) for n in names[first:]])
+
+    def reduce(self, body: str = "", *, interfaces: "Iterable[str]" = (), modes: "int | None" = None,
+               frequency: "float | None" = None, first_node: int = 1, set: "Mapping[str, Any] | None" = None) -> "ReducedBody":
+        """A flexible body as reduced matrices for other programs: an espalier.ReducedBody (docs/use/reduced_bodies.md).
+        body may be left out where there is one alone. interfaces: markers, or frames of joints and forces as "hinge.b";
+        none: all frames of joints and forces on it. modes: kept with the interfaces at rest (as `reduce` of the body says,
+        or 20), or frequency: those below it, Hz. first_node: number of the first interface in files. set: as for
+        Simulation. Raises what a Simulation raises."""
+        from ._reduced import reduce_body
+
+        return reduce_body(self, body, interfaces, modes, frequency, first_node, _settings(set))
 
     def harmonic(self, *, loads: Any = None, quantities: "Iterable[str]" = (), frequencies: "Numbers | None" = None,
                  between: "tuple[float, float] | None" = None, points: "int | None" = None,

@@ -79,15 +79,17 @@ class Parts:
         inertia_y: number > 0 [mass length]. rho Iz, rho Iy
         inertia_z: number > 0 [mass length]. rho Iz, rho Iy
 
-        type "shell" (gravity, position, rotation, velocity, angular_velocity, damping, reduce as above):
+        type "shell" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, element_set, material
+            as above):
+        mesh: {...}
         origin: list of three numbers [length], default [0, 0, 0]
-        x: list of three numbers [length], needed
-        y: list of three numbers [length], needed
+        x: list of three numbers [length]
+        y: list of three numbers [length]
         curvature: number [1/length or angle/length], default 0
         nx: whole number, default 4
         ny: whole number, default 4
-        thickness: number > 0 [length], needed
-        material: a name of [materials] or {young, poisson, density, law}, needed. a name of [materials] or a table
+        offset: number [length], default 0
+        thickness: number > 0 [length]
 
         type "substructure" (gravity, position, rotation, velocity, angular_velocity, damping, reduce as above):
         stiffness: {file, name}, needed. { file = "arm.op4", name = "KAA" }, path from the model's folder

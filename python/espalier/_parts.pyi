@@ -650,10 +650,11 @@ class Parts:
         """
     @overload
     def body(
-        self, name: str, /, type: Literal["shell"], *, x: Vector, y: Vector, thickness: Number, material: str |
-        Material, gravity: Vector = ..., position: Vector = ..., rotation: Vector | Rotation = ..., velocity: Vector =
-        ..., angular_velocity: Vector = ..., damping: Damping = ..., reduce: Reduction = ..., origin: Vector = ...,
-        curvature: Number = ..., nx: Whole = ..., ny: Whole = ...
+        self, name: str, /, type: Literal["shell"], *, gravity: Vector = ..., position: Vector = ..., rotation: Vector
+        | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping = ..., reduce:
+        Reduction = ..., mesh: Mesh = ..., origin: Vector = ..., x: Vector = ..., y: Vector = ..., curvature: Number =
+        ..., nx: Whole = ..., ny: Whole = ..., offset: Number = ..., thickness: Number | Numbers = ..., element_set:
+        str = ..., material: str | Material = ...
     ) -> str:
         """Adds [bodies.NAME], type "shell", and returns the name.
 
@@ -666,14 +667,17 @@ class Parts:
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
+        mesh: {...}
         origin: list of three numbers [length], default [0, 0, 0]
-        x: list of three numbers [length], needed
-        y: list of three numbers [length], needed
+        x: list of three numbers [length]
+        y: list of three numbers [length]
         curvature: number [1/length or angle/length], default 0
         nx: whole number, default 4
         ny: whole number, default 4
-        thickness: number > 0 [length], needed
-        material: a name of [materials] or {young, poisson, density, law}, needed. a name of [materials] or a table
+        offset: number [length], default 0
+        thickness: number > 0 [length]
+        element_set: text. only these elements of the mesh
+        material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
         """
     @overload
     def body(

@@ -32,7 +32,7 @@ GOOD = {
         "beam": [{"start": [0, 0, 0], "end": [1, 0, 0], "radius": 0.1, "material": STEEL},
                  {"start": [0, 0, 0], "direction": [1, 0, 0], "length": 1, "curvature": [0, 0, 1], "height": 1, "width": 1, "material": STEEL},
                  {"points": [[0, 0, 0], [1, 0, 0]], **ALL_OF_BEAM}],
-        "shell": [{"x": [1, 0, 0], "y": [0, 1, 0], "thickness": 0.1, "material": STEEL}],
+        "shell": [{"x": [1, 0, 0], "y": [0, 1, 0], "thickness": 0.1, "material": STEEL}, {"mesh": {"file": "a.inp"}}],
         "substructure": [{"stiffness": {"file": "a"}, "mass": {"file": "a"}, "nodes": {"file": "a"}}]},
     "joints": {
         **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("fixed", "spherical", "universal", "planar", "point-on-line", "skate", "revolute",

@@ -52,6 +52,7 @@ class NastranReader {
     if (systems_.take(card, mesh_)) return;
     if (shape_of_card(card) != nullptr) return element_cards_.push_back(card);
     if (card.name == "MAT1") return materials_.push_back(card);
+    if (card.name == "PSHELL") return;  // read where shells are made of the mesh
     if (card.name == "PSOLID") {
       solids_[card.integer(0, "property")] = card.integer(1, "material");
       return;

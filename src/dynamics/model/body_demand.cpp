@@ -44,6 +44,7 @@ struct BodySizes {
     return demand;
   }
   BodySize operator()(const ShellSpec& shell) const {
+    if (shell.file) return {};
     const double n = static_cast<double>(shell.nx) * shell.ny;
     return {n, 6 * n, kOfHex8};
   }

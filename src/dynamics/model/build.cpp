@@ -364,6 +364,9 @@ std::unique_ptr<Mechanism> build(const Description& model, int threads) {
     if (solid != nullptr && std::holds_alternative<MeshFile>(solid->mesh))
       result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
                                 mesh_digest(*body.mesh));
+    if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape); shell != nullptr && shell->file)
+      result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
+                                mesh_digest(*shell->mesh));
   }
   return result;
 }

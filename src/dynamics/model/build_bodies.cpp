@@ -10,6 +10,7 @@
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/sides.hpp"
+#include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -176,37 +177,6 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   return body;
 }
 
-}  // namespace
-
-std::vector<std::array<Index, 4>> shell_quads(const ShellSpec& s) {
-  std::vector<std::array<Index, 4>> quads;
-  for (Index j = 0; j < s.ny; ++j)
-    for (Index i = 0; i < s.nx; ++i) {
-      const Index first = j * (s.nx + 1) + i;
-      quads.push_back({first, first + 1, first + s.nx + 2, first + s.nx + 1});
-    }
-  return quads;
-}
-
-namespace {
-
-std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, const ShellSpec& s) {
-  std::vector<Point> positions, directors;
-  const Vec3 normal = s.x.cross(s.y).normalized(), along = s.x.normalized();
-  for (Index j = 0; j <= s.ny; ++j)
-    for (Index i = 0; i <= s.nx; ++i) {
-      const double way = s.x.norm() * i / s.nx, turn = s.curvature * way, half = 0.5 * turn;
-      Vec3 from_edge = s.x * (static_cast<double>(i) / s.nx), director = normal;
-      if (turn != 0) {  // a chord of 2 sin(half) / curvature
-        from_edge = way * std::sin(half) / half * (std::cos(half) * along + std::sin(half) * normal);
-        director = std::cos(turn) * normal - std::sin(turn) * along;
-      }
-      positions.push_back(to_point(s.origin + from_edge + s.y * (static_cast<double>(j) / s.ny)));
-      directors.push_back(to_point(director));
-    }
-  return make_shell_body(spec.name, positions, directors, shell_quads(s), s.material, s.thickness);
-}
-
 std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool statics, base::ThreadPool& pool,
                                                  BuiltBody& out) {
   if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, statics, pool, out);
@@ -214,7 +184,7 @@ std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool stat
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
     return make_beam_body(spec.name, *b->axis, to_point(b->y), b->elements, b->section);
-  return make_shell(spec, std::get<ShellSpec>(spec.shape));
+  return make_shell(spec, statics, out);
 }
 
 }  // namespace

@@ -10,6 +10,7 @@
 #include "dense/dense.hpp"
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
+#include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/frames/labels.hpp"
 
@@ -222,6 +223,8 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   const Index k = node(m, body);
   const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape);
   const bool turns = substructure == nullptr || substructure->nodes[static_cast<std::size_t>(k)].components == 6;
+  if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape); shell != nullptr && shell->offset != 0)
+    return make_point_frame(flexible, shell_node(body, k));
   return flexible.vertices_per_node() == 4 && turns ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
 }
 
@@ -257,24 +260,6 @@ std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
 
 }  // namespace
 
-namespace {
-
-/// Nodes of an edge of a shell's grid, x fastest; "all" of it.
-std::vector<Index> grid_nodes(const ShellSpec& s, const std::string& name) {
-  static const std::vector<std::string> kNames = {"x0", "x1", "y0", "y1", "all"};
-  const auto which = std::find(kNames.begin(), kNames.end(), name) - kNames.begin();
-  if (which == 5) throw std::invalid_argument(fmt::format("a shell has no '{}'{}", name, suggestion(name, kNames)));
-  std::vector<Index> nodes;
-  for (Index j = 0; j <= s.ny; ++j)
-    for (Index i = 0; i <= s.nx; ++i)
-      if (which == 4 || (which == 0 && i == 0) || (which == 1 && i == s.nx) || (which == 2 && j == 0) ||
-          (which == 3 && j == s.ny))
-        nodes.push_back(j * (s.nx + 1) + i);
-  return nodes;
-}
-
-}  // namespace
-
 std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& body) const {
   check_ways(m);
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
@@ -288,7 +273,7 @@ std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& 
     if (shell == nullptr && m.edge.size() < 2)
       throw std::invalid_argument("an edge of a solid is what faces have in common: edge = [\"x0\", \"z1\"]");
     const auto side = [&](const std::string& name) {
-      return shell != nullptr ? grid_nodes(*shell, name) : body.mesh->nodes_of_faces(body.mesh->face_set(name));
+      return shell != nullptr ? shell_nodes(body, name) : body.mesh->nodes_of_faces(body.mesh->face_set(name));
     };
     nodes = side(m.edge.front());
     for (const std::string& name : m.edge) keep_common(side(name));
@@ -298,7 +283,7 @@ std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& 
   } else if (!m.nodes.empty()) {
     if (shell == nullptr && !body.mesh)
       throw std::invalid_argument(fmt::format("'{}' has no node sets; give a node", m.body));
-    nodes = shell != nullptr ? grid_nodes(*shell, m.nodes) : body.mesh->node_set(m.nodes);
+    nodes = shell != nullptr ? shell_nodes(body, m.nodes) : body.mesh->node_set(m.nodes);
   } else if (!m.face.empty() || m.bore) {
     const std::vector<MeshFace> faces = faces_of(m, body);
     nodes = body.mesh->nodes_of_faces(faces);

@@ -49,6 +49,37 @@ Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& we
   return sum / all;
 }
 
+/// Two points for each node of a shell: by the length of its edges between the nodes, where these are a line along its
+/// boundary; else as given.
+std::vector<double> shares_of_length(const ShellSpec& shell, const std::vector<Index>& nodes,
+                                     const std::vector<double>& given) {
+  const Mesh& mesh = *shell.mesh;
+  const std::vector<Index>& boundary = mesh.node_set("boundary");
+  const auto on_line = [&](Index k) {
+    return std::binary_search(nodes.begin(), nodes.end(), k) && std::binary_search(boundary.begin(), boundary.end(), k);
+  };
+  if (!std::all_of(nodes.begin(), nodes.end(), on_line)) return given;
+  std::map<std::pair<Index, Index>, int> edges;  // between the nodes, with the number of their elements
+  for (Index e = 0; e < mesh.element_count(); ++e) {
+    const auto quad = mesh.element(e);
+    for (std::size_t a = 0; a < 4; ++a)
+      if (const Index p = quad[a], q = quad[(a + 1) % 4]; on_line(p) && on_line(q)) ++edges[std::minmax(p, q)];
+  }
+  std::map<Index, double> share;
+  for (const auto& [edge, elements] : edges) {
+    if (elements != 1) continue;
+    const Point &a = mesh.nodes[static_cast<std::size_t>(edge.first)],
+                &b = mesh.nodes[static_cast<std::size_t>(edge.second)];
+    const double length = (Vec3(a[0], a[1], a[2]) - Vec3(b[0], b[1], b[2])).norm();
+    share[edge.first] += length;
+    share[edge.second] += length;
+  }
+  if (share.size() != nodes.size()) return given;
+  std::vector<double> weights;
+  for (const auto& [node, length] : share) weights.insert(weights.end(), 2, length);
+  return weights;
+}
+
 /// About `most` of `count`, evenly spread as in thinned(); all where `most` is 0.
 std::vector<char> marks_of(std::size_t count, int most) {
   std::vector<char> marks(count, 1);
@@ -82,11 +113,14 @@ std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltB
           fmt::format("nodes of '{}' have places and slopes of their own: give one node", m.body));
     const Vec3 director = Eigen::Map<const Vec3>(flexible.reference().data() + 3 * (2 * k + 1));
     // Of very thin shells farther out, where the turn about an edge can be told from rounding.
-    const double apart = std::max(shell->thickness, kLeastApart * std::max(shell->x.norm(), shell->y.norm()));
-    for (const double side : {-0.5, 0.5})
-      points.push_back({fmt::format("node {}, {}", k + 1, side < 0 ? "bottom" : "top"),
-                        {{2 * k, 1}, {2 * k + 1, side * apart}},
-                        reference_of(flexible, k) + side * apart * director});
+    const double extent = shell->file ? flexible.size() : std::max(shell->x.norm(), shell->y.norm());
+    const double apart = std::max(shell->thickness, kLeastApart * extent);
+    for (const double side : {-0.5, 0.5}) {
+      const double height = side * apart - shell->offset;  // about the node, which the offset is measured from
+      points.push_back({fmt::format("node {}, {}", shell->mesh->node_label(k), side < 0 ? "bottom" : "top"),
+                        {{2 * k, 1}, {2 * k + 1, height}},
+                        reference_of(flexible, k) + height * director});
+    }
   }
   return points;
 }
@@ -134,7 +168,9 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, cons
   const std::vector<HeldPoint> points = points_of(m, body);
   std::vector<double> weights(points.size(), 1);
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-  if (shell != nullptr && m.edge.size() == 1)  // by length: ends count half
+  if (shell != nullptr && shell->file)
+    weights = shares_of_length(*shell, nodes_of(m, body), weights);
+  else if (shell != nullptr && m.edge.size() == 1)  // by length: ends count half
     for (const std::size_t end : {std::size_t{0}, std::size_t{1}, points.size() - 2, points.size() - 1})
       weights[end] = 0.5;
   double sum = 0;

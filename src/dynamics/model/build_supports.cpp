@@ -61,6 +61,12 @@ class SupportBuilder {
       fail(spec.place, fmt::format("nodes of '{}' turn: clamp them, or hold them in a plane, with a fixed or planar "
                                    "joint to the ground; supports hold their places (hold = \"xyz\")",
                                    body->spec.name));
+    if (const auto* shell = std::get_if<ShellSpec>(&body->spec.shape))
+      if (shell->offset != 0 && !spec.slopes)
+        fail(spec.place,
+             fmt::format("nodes of '{}' lie beside the middle of its thickness (offset), and supports hold the middle: "
+                         "clamp them, or hold the edge by a joint to the ground",
+                         body->spec.name));
     return *body;
   }
 
@@ -124,6 +130,7 @@ class SupportBuilder {
   }
 
   [[nodiscard]] std::int64_t label(Index node) const {
+    if (const auto* shell = std::get_if<ShellSpec>(&body_.spec.shape)) return shell->mesh->node_label(node);
     return body_.mesh ? body_.mesh->node_label(node) : std::int64_t{node} + 1;
   }
 

@@ -109,7 +109,16 @@ struct ShellSpec {
   double curvature = 0;  ///< of the arc, 1 / radius
   Index nx = 1, ny = 1;
   Material material;
-  double thickness = 0;
+  double thickness = 0;  ///< of a mesh, or where it varies, the mean
+  /// At the corners (0, 0), (1, 0), (1, 1), (0, 1) of the grid, bilinear between them; empty: even.
+  std::vector<double> corners{};
+  double offset = 0;               ///< from the nodes to the middle of the thickness, along the normal; of the mean
+  std::optional<MeshFile> file{};  ///< instead of the grid: surface elements of a mesh file
+  std::string element_set{};       ///< of the file; empty: all
+  bool material_of_file = false;   ///< the text gives none
+  bool offset_given = false;       ///< else that of the file
+  /// Set by the builder: quad4, labels and node sets; of grids x0, x1, y0, y1, all.
+  std::shared_ptr<const Mesh> mesh{};
 };
 
 /// Matrices from files instead of elements.

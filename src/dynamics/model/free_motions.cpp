@@ -273,6 +273,19 @@ double length_of(Mechanism& mechanism, const State& s) {
   return std::max(max_norm(size), 1e-300);
 }
 
+/// Of the quadrilaterals of a shell.
+double mean_area(const Mesh& mesh) {
+  double sum = 0;
+  for (Index e = 0; e < mesh.element_count(); ++e) {
+    const auto place = [&](std::size_t k) {
+      const Point& p = mesh.nodes[static_cast<std::size_t>(mesh.element(e)[k])];
+      return Vec3(p[0], p[1], p[2]);
+    };
+    sum += 0.5 * (place(2) - place(0)).cross(place(3) - place(1)).norm();
+  }
+  return sum / mesh.element_count();
+}
+
 }  // namespace
 
 std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t coordinates) {
@@ -281,7 +294,8 @@ std::vector<double> stretch_of_shells(const Mechanism& mechanism, std::size_t co
     const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
     if (shell == nullptr || body.reduced != nullptr) continue;
     stiffness.resize(coordinates, 0.0);
-    const double area = shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
+    const double area = shell->file ? mean_area(*shell->mesh)
+                                    : shell->x.cross(shell->y).norm() / (static_cast<double>(shell->nx) * shell->ny);
     for (Index node = 0; node < body.flexible->nodes(); ++node)
       for (Index i = 0; i < 6; ++i)
         stiffness[static_cast<std::size_t>(body.flexible->coordinate(2 * node) + i)] =

@@ -521,7 +521,44 @@ class BodyReader {
     return b;
   }
 
+  MeshFile read_shell_mesh(Section& mesh) const {
+    if (!mesh.has("file")) fail(mesh.place(), "of a shell is a file: mesh = { file = \"...\" }; a grid needs x and y");
+    MeshFile found{beside_model(mesh.text("file")), mesh.positive("scale", 1)};
+    mesh.finish();
+    return found;
+  }
+
+  /// Surface elements of a file.
+  ShellSpec read_shell_of_file(Section& s, Section mesh) const {
+    for (const char* other : {"origin", "x", "y", "curvature", "nx", "ny"})
+      if (s.has(other)) fail(s.place(other), "does not go with 'mesh', which says where the shell is");
+    ShellSpec shell;
+    shell.file = read_shell_mesh(mesh);
+    shell.element_set = s.text("element_set", "");
+    const std::optional<Material> given = material(s);
+    shell.material_of_file = !given;
+    if (given) shell.material = *given;
+    if (s.has("thickness")) shell.thickness = s.positive("thickness");
+    shell.offset_given = s.has("offset");
+    shell.offset = s.number("offset", 0);
+    return shell;
+  }
+
+  /// One number, or those of the four corners.
+  static void read_thickness(Section& s, ShellSpec& shell) {
+    if (!s.has("thickness") || s.value("thickness")->type != Value::Type::array) {
+      shell.thickness = s.positive("thickness");
+      return;
+    }
+    shell.corners = s.numbers("thickness");
+    if (shell.corners.size() != 4 || !(*std::min_element(shell.corners.begin(), shell.corners.end()) > 0))
+      fail(s.place("thickness"),
+           "needs a number above 0, or those of the four corners: at the origin, at x, at x + y, at y");
+    shell.thickness = 0.25 * (shell.corners[0] + shell.corners[1] + shell.corners[2] + shell.corners[3]);
+  }
+
   ShellSpec read_shell(Section& s) const {
+    if (auto mesh = s.table("mesh")) return read_shell_of_file(s, *mesh);
     ShellSpec shell{s.vector("origin", Vec3::Zero()),
                     s.vector("x"),
                     s.vector("y"),
@@ -529,7 +566,9 @@ class BodyReader {
                     elements(s, "nx", 4),
                     elements(s, "ny", 4),
                     needed_material(s),
-                    s.positive("thickness")};
+                    0};
+    read_thickness(s, shell);
+    shell.offset = s.number("offset", 0);
     if (!(shell.x.cross(shell.y).norm() > 0)) fail(s.place("y"), "x and y must not be parallel");
     if (shell.curvature != 0) {
       if (!(std::abs(shell.x.dot(shell.y)) <= 1e-9 * shell.x.norm() * shell.y.norm()))

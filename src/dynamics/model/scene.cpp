@@ -112,11 +112,7 @@ void Scene::add_solid(const BuiltBody& body) {
 
 void Scene::add_line_or_plate(const BuiltBody& body) {
   if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) {
-    for (Index j = 0; j < shell->ny; ++j)
-      for (Index i = 0; i < shell->nx; ++i) {
-        const Index first = j * (shell->nx + 1) + i;
-        add_cell(ElementType::quad4, std::array{first, first + 1, first + shell->nx + 2, first + shell->nx + 1});
-      }
+    for (Index e = 0; e < shell->mesh->element_count(); ++e) add_cell(ElementType::quad4, shell->mesh->element(e));
   } else if (const auto* parts = std::get_if<SubstructureSpec>(&body.spec.shape); parts && !parts->lines.empty()) {
     for (const auto& [a, b] : parts->lines)
       add_cell(ElementType::line2, std::array{parts->find(a).value(), parts->find(b).value()});

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 #include <numbers>
 #include <numeric>
+#include <utility>
 
 #include "base/at.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
@@ -158,24 +160,30 @@ class LineSkin final : public Skin {
 class ShellSkin final : public Skin {
  public:
   explicit ShellSkin(const model::ShellSpec& spec) : half_(0.5 * spec.thickness) {
-    const Index nx = spec.nx + 1, ny = spec.ny + 1;
-    below_ = nx * ny;
+    const Mesh& mesh = *spec.mesh;
+    below_ = static_cast<Index>(mesh.nodes.size());
     for (Index side = 0; side < 2; ++side)
-      for (Index k = 0; k < below_; ++k) labels.push_back(k + 1);
-    for (Index j = 0; j + 1 < ny; ++j)
-      for (Index i = 0; i + 1 < nx; ++i) {
-        const Index a = j * nx + i;
-        std::vector<Index> top = {a, a + 1, a + nx + 1, a + nx};
-        std::vector<Index> bottom(top.rbegin(), top.rend());
-        for (Index& k : bottom) k += below_;
-        for (const auto* face : {&top, &bottom}) {
-          add_triangles(*face, 4, triangles);
-          add_outline(*face, 4, edges);
-        }
+      for (Index k = 0; k < below_; ++k) labels.push_back(mesh.node_label(k));
+    std::map<std::pair<Index, Index>, std::pair<Index, Index>> rims;  // edges of one element, as it runs along them
+    for (Index e = 0; e < mesh.element_count(); ++e) {
+      const auto quad = mesh.element(e);
+      std::vector<Index> top(quad.begin(), quad.end());
+      std::vector<Index> bottom(top.rbegin(), top.rend());
+      for (Index& k : bottom) k += below_;
+      for (const auto* face : {&top, &bottom}) {
+        add_triangles(*face, 4, triangles);
+        add_outline(*face, 4, edges);
       }
-    const auto rim = [&](Index a, Index b) { add_triangles({b, a, a + below_, b + below_}, 4, triangles); };
-    for (Index i = 0; i + 1 < nx; ++i) rim(i, i + 1), rim((ny - 1) * nx + i + 1, (ny - 1) * nx + i);
-    for (Index j = 0; j + 1 < ny; ++j) rim((j + 1) * nx, j * nx), rim(j * nx + nx - 1, (j + 1) * nx + nx - 1);
+      for (std::size_t a = 0; a < 4; ++a) {
+        const Index from = quad[a], to = quad[(a + 1) % 4];
+        if (const auto [known, fresh] = rims.emplace(std::minmax(from, to), std::pair{from, to}); !fresh)
+          rims.erase(known);
+      }
+    }
+    for (const auto& [edge, way] : rims) {
+      const auto [a, b] = way;
+      add_triangles({b, a, a + below_, b + below_}, 4, triangles);
+    }
     remove_repeats(edges);
   }
   void place(const double* vertices, double* x) const override {

@@ -39,8 +39,8 @@ std::span<const PartKeys> all_part_keys() {
        "length curvature elements y radius height width axial shear_y shear_z torsion bending_y bending_z "
        "section_normal section_shear mass_per_length inertia_y inertia_z material"},
       {"bodies", "shell",
-       "gravity type position rotation velocity angular_velocity damping reduce origin x y curvature nx ny "
-       "thickness material"},
+       "gravity type position rotation velocity angular_velocity damping reduce mesh origin x y curvature nx "
+       "ny offset thickness element_set material"},
       {"bodies", "substructure",
        "gravity type position rotation velocity angular_velocity damping reduce stiffness mass nodes lines"},
       {"joints", "fixed",

@@ -81,7 +81,10 @@ Index SampledBody::find_element(std::int64_t label) const {
   return it == by_label_.end() ? -1 : it->second;
 }
 
-std::int64_t SampledBody::node_label(Index node) const { return body_.mesh ? body_.mesh->node_label(node) : node + 1; }
+std::int64_t SampledBody::node_label(Index node) const {
+  if (const auto* shell = std::get_if<ShellSpec>(&body_.spec.shape)) return shell->mesh->node_label(node);
+  return body_.mesh ? body_.mesh->node_label(node) : node + 1;
+}
 
 Vec3 SampledBody::node_place(Index node) const {
   return Eigen::Map<const Vec3>(body_.flexible->reference().data() +

@@ -125,15 +125,21 @@ std::vector<Index> all_of(Index count) {
   return all;
 }
 
+/// The mesh that has the names; null: there is none.
+const Mesh* sets_of(const SampledBody& body) {
+  if (const auto* shell = std::get_if<ShellSpec>(&body.body().spec.shape)) return shell->mesh.get();
+  return body.body().mesh.get();
+}
+
 [[noreturn]] void no_such_set(const SampledBody& body, const std::string& set) {
   const std::string& name = body.body().spec.name;
-  if (!body.body().mesh)
+  if (sets_of(body) == nullptr)
     throw std::invalid_argument(
         fmt::format("'{}' has no sets; write [node 3] (from 1, -1 the last), [element 2] or [x y z]", name));
   std::vector<std::string> names;
-  for (const auto& [known, list] : body.body().mesh->face_sets) names.push_back(known);
-  for (const auto& [known, list] : body.body().mesh->node_sets) names.push_back(known);
-  for (const auto& [known, list] : body.body().mesh->element_sets) names.push_back(known);
+  for (const auto& [known, list] : sets_of(body)->face_sets) names.push_back(known);
+  for (const auto& [known, list] : sets_of(body)->node_sets) names.push_back(known);
+  for (const auto& [known, list] : sets_of(body)->element_sets) names.push_back(known);
   std::string all;
   for (std::size_t k = 0; k < std::min<std::size_t>(names.size(), 12); ++k) all += (k > 0 ? ", " : "") + names[k];
   throw std::invalid_argument(fmt::format("the mesh of '{}' has no set '{}'{}; it has {}", name, set,
@@ -143,8 +149,8 @@ std::vector<Index> all_of(Index count) {
 /// What a set without a word before it is.
 Where::Kind kind_of_set(const SampledBody& body, const Where& where) {
   if (where.kind != Where::Kind::set) return where.kind;
-  if (!body.body().mesh) no_such_set(body, where.set);
-  const Mesh& mesh = *body.body().mesh;
+  if (sets_of(body) == nullptr) no_such_set(body, where.set);
+  const Mesh& mesh = *sets_of(body);
   if (find_named(mesh.face_sets, where.set) != mesh.face_sets.end()) return Where::Kind::faces;
   if (find_named(mesh.node_sets, where.set) != mesh.node_sets.end()) return Where::Kind::nodes;
   if (find_named(mesh.element_sets, where.set) != mesh.element_sets.end()) return Where::Kind::elements;
@@ -156,11 +162,11 @@ Index node_of_label(const SampledBody& body, std::int64_t label) {
 }
 
 std::vector<Index> elements_of_set(const SampledBody& body, const std::string& set) {
-  if (!body.body().mesh || find_named(body.body().mesh->element_sets, set) == body.body().mesh->element_sets.end())
+  if (sets_of(body) == nullptr || find_named(sets_of(body)->element_sets, set) == sets_of(body)->element_sets.end())
     no_such_set(body, set);
   std::vector<Index> out;
-  for (const Index e : body.body().mesh->element_set(set))
-    if (const Index own = body.find_element(body.body().mesh->element_label(e)); own >= 0) out.push_back(own);
+  for (const Index e : sets_of(body)->element_set(set))
+    if (const Index own = body.find_element(sets_of(body)->element_label(e)); own >= 0) out.push_back(own);
   if (out.empty())
     throw std::invalid_argument(
         fmt::format("'{}' has none of the elements of the set '{}'", body.body().spec.name, set));
@@ -172,8 +178,8 @@ std::map<Index, double> area_shares(const SampledBody& body, const std::vector<M
   std::map<Index, double> shares;
   double area = 0;
   for (const MeshFace& face : faces) {
-    const std::vector<Index> nodes = body.body().mesh->face_nodes(face);
-    const ElementType type = shape_of(body.body().mesh->type(face.element)).faces[at(face.face)].type;
+    const std::vector<Index> nodes = sets_of(body)->face_nodes(face);
+    const ElementType type = shape_of(sets_of(body)->type(face.element)).faces[at(face.face)].type;
     for (const QuadraturePoint& p : face_quadrature(type)) {
       double n[kMaxElementNodes], dn[2 * kMaxElementNodes];
       shape_values(type, p.xi.data(), n);
@@ -199,13 +205,13 @@ std::vector<Index> nodes_at(const SampledBody& body, const Where& where) {
     case Where::Kind::node:
       return {node_of_label(body, where.label)};
     case Where::Kind::nodes:
-      if (!body.body().mesh || find_named(body.body().mesh->node_sets, where.set) == body.body().mesh->node_sets.end())
+      if (sets_of(body) == nullptr || find_named(sets_of(body)->node_sets, where.set) == sets_of(body)->node_sets.end())
         no_such_set(body, where.set);
-      return body.body().mesh->node_set(where.set);
+      return sets_of(body)->node_set(where.set);
     case Where::Kind::faces:
-      if (!body.body().mesh || find_named(body.body().mesh->face_sets, where.set) == body.body().mesh->face_sets.end())
+      if (sets_of(body) == nullptr || find_named(sets_of(body)->face_sets, where.set) == sets_of(body)->face_sets.end())
         no_such_set(body, where.set);
-      return body.body().mesh->nodes_of_faces(body.body().mesh->face_set(where.set));
+      return sets_of(body)->nodes_of_faces(sets_of(body)->face_set(where.set));
     case Where::Kind::elements: {
       std::vector<Index> nodes;
       for (const Index e : elements_of_set(body, where.set)) {
@@ -256,7 +262,7 @@ Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool su
   const std::vector<Index> nodes = nodes_at(body, where);
   std::vector<double> weights(nodes.size(), 1 / static_cast<double>(nodes.size()));
   if (kind == Where::Kind::faces) {
-    const std::map<Index, double> shares = area_shares(body, body.body().mesh->face_set(where.set));
+    const std::map<Index, double> shares = area_shares(body, sets_of(body)->face_set(where.set));
     for (std::size_t k = 0; k < nodes.size(); ++k) weights[k] = shares.at(nodes[k]);
   }
   maker.add_nodes(nodes, weights, elements, maker.sides(where));

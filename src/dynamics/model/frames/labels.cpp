@@ -15,7 +15,14 @@ using Labelled = std::vector<std::pair<std::int64_t, Index>>;
 std::int64_t label_of(const BuiltBody& body, Index node) {
   if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape))
     return substructure->nodes[static_cast<std::size_t>(node)].label;
+  if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) return shell->mesh->node_label(node);
   return body.mesh ? body.mesh->node_label(node) : std::int64_t{node} + 1;
+}
+
+/// From 1 on, as grids and lines are.
+bool is_counted(const BuiltBody& body) {
+  const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
+  return !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape) && (shell == nullptr || !shell->file);
 }
 
 /// Sorted by labels.
@@ -33,7 +40,7 @@ Labelled labels_of(const BuiltBody& body) {
   from -= std::min(from - all.begin(), std::max<std::ptrdiff_t>(0, kShown - (all.end() - from)));
   std::vector<std::int64_t> near;
   for (auto it = from; it != all.end() && it - from < kShown; ++it) near.push_back(it->first);
-  const bool numbered = !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape);
+  const bool numbered = is_counted(body);
   throw std::invalid_argument(
       fmt::format("'{}' has no node {}: its {} nodes are {} {} to {}{}", body.spec.name, label, all.size(),
                   numbered ? "numbered" : "labelled", all.front().first, all.back().first,
@@ -43,7 +50,7 @@ Labelled labels_of(const BuiltBody& body) {
 }  // namespace
 
 std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels) {
-  const bool counted = !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape);
+  const bool counted = is_counted(body);
   const Index last = body.flexible->nodes();
   if (labels.size() == 1) {  // one way through them is less than to sort them
     const std::int64_t label = counted && labels[0] == -1 ? last : labels[0];

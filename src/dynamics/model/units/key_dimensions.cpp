@@ -33,7 +33,7 @@ constexpr KeyRow kKeyRows[] = {
     {kBodyTable, "type=rigid|point", "mass", "mass"},
     {kBodyTable, "type=rigid", "density", "mass/length^3"},
     {kBodyTable, "", "inertia", "mass*length^2"},
-    {kBodyTable, "", "box position start end points origin length thickness radius height width", "length"},
+    {kBodyTable, "", "box position start end points origin length thickness offset radius height width", "length"},
     {kBodyTable, "", "velocity", "length/time"},
     {kBodyTable, "", "angular_velocity", "angle/time"},
     {kBodyTable, "", "gravity", "length/time^2"},

@@ -1,0 +1,105 @@
+#include "dynamics/mesh/shell_sections.hpp"
+
+#include <fmt/format.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <map>
+#include <optional>
+
+#include "dynamics/mesh/nastran_cards.hpp"
+#include "dynamics/mesh/read/inp_lines.hpp"
+#include "dynamics/mesh/text_file.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+/// OFFSET is that of the nodes from the middle: SPOS, the nodes are on the top, is 0.5.
+double inp_offset(const LineReader& reader, const InpKeyword& keyword) {
+  const std::string text = upper(keyword.get("OFFSET"));
+  if (text.empty()) return 0;
+  if (text == "SPOS") return -0.5;
+  if (text == "SNEG") return 0.5;
+  char* end = nullptr;
+  const double value = std::strtod(text.c_str(), &end);
+  if (*end != '\0' || !std::isfinite(value))
+    reader.fail(fmt::format("OFFSET={} must be a number of thicknesses, SPOS or SNEG", text));
+  return 0.0 - value;
+}
+
+std::vector<ShellSection> inp_sections(const std::string& path) {
+  LineReader reader(path, read_whole_file(path));
+  std::vector<ShellSection> out;
+  std::string_view line;
+  while (reader.next(line)) {
+    const std::string_view text = trim(line);
+    if (is_inp_comment(line) || !text.starts_with('*')) continue;
+    const InpKeyword keyword = read_inp_keyword(reader, line);
+    if (keyword.name != "*SHELLSECTION") continue;
+    if (keyword.has("COMPOSITE"))
+      reader.fail(
+          "*SHELL SECTION, COMPOSITE: layers are not read; give the body's 'thickness' and 'material' in the model");
+    ShellSection section{keyword.need(reader, "ELSET"), keyword.get("MATERIAL"), 0, inp_offset(reader, keyword)};
+    std::string_view data;
+    if (next_inp_data(reader, data)) {
+      Fields fields(reader, data, ',');
+      section.thickness = fields.real("thickness");
+    }
+    if (!(section.thickness > 0)) reader.fail("*SHELL SECTION needs a thickness above 0");
+    out.push_back(std::move(section));
+  }
+  return out;
+}
+
+bool is_shell_card(const std::string& name) {
+  return name == "CQUAD4" || name == "CQUAD8" || name == "CQUADR" || name == "CTRIA3" || name == "CTRIA6" ||
+         name == "CTRIAR";
+}
+
+std::vector<ShellSection> nastran_sections(const std::string& path) {
+  NastranCards cards(read_whole_file(path), path);
+  NastranCard card;
+  std::map<std::int64_t, ShellSection> properties;
+  std::map<std::int64_t, double> offsets;  // of the elements of a property: a length
+  while (cards.next(card)) {
+    if (card.name == "PSHELL") {
+      const std::int64_t number = card.integer(0, "number");
+      ShellSection& s = properties[number];
+      s.set = fmt::format("property-{}", number);
+      if (!card.field(1).empty()) s.material = fmt::format("MAT1-{}", card.integer(1, "material"));
+      s.thickness = card.real(2, "thickness", 0);
+    }
+    if (!is_shell_card(card.name)) continue;
+    const std::size_t at = card.name == "CQUAD4" || card.name == "CQUADR"   ? 7
+                           : card.name == "CTRIA3" || card.name == "CTRIAR" ? 6
+                           : card.name == "CQUAD8"                          ? 15
+                                                                            : 9;
+    const double offset = card.real(at, "ZOFFS", 0);
+    const std::int64_t number = card.integer(1, "property", card.integer(0, "number"));
+    const auto [known, fresh] = offsets.emplace(number, offset);
+    if (!fresh && known->second != offset)
+      card.fail(
+          fmt::format("ZOFFS {} differs from {} of the elements before it with the property {}; give them a "
+                      "property of their own",
+                      offset, known->second, number));
+  }
+  std::vector<ShellSection> out;
+  for (auto& [number, section] : properties) {
+    if (const auto found = offsets.find(number); found != offsets.end() && section.thickness > 0)
+      section.offset = found->second / section.thickness;
+    if (offsets.contains(number)) out.push_back(std::move(section));
+  }
+  return out;
+}
+
+}  // namespace
+
+std::vector<ShellSection> read_shell_sections(const std::string& path) {
+  std::string name = lower(path);
+  if (name.ends_with(".gz")) name.resize(name.size() - 3);
+  if (name.ends_with(".inp")) return inp_sections(path);
+  if (name.ends_with(".bdf") || name.ends_with(".nas") || name.ends_with(".dat")) return nastran_sections(path);
+  return {};
+}
+
+}  // namespace espalier::dynamics

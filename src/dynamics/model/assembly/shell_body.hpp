@@ -1,0 +1,23 @@
+/// \file
+/// Shell bodies: grids, and surface elements of mesh files.
+#pragma once
+
+#include <memory>
+
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Makes the body and fills in what its spec leaves to the mesh: nodes, sets, thickness, offset, material.
+/// @param statics  without a density, too
+/// @throws Error(invalid_input), std::invalid_argument
+[[nodiscard]] std::unique_ptr<FlexibleBody> make_shell(const BodySpec& spec, bool statics, BuiltBody& out);
+
+/// Nodes of a set of a shell: of its file, "boundary"; of a grid x0, x1, y0, y1, all.
+/// @throws std::invalid_argument that names the sets
+[[nodiscard]] const std::vector<Index>& shell_nodes(const BuiltBody& body, const std::string& name);
+
+/// A node as the mesh has it, which lies beside the middle of the thickness where there is an offset.
+[[nodiscard]] HeldPoint shell_node(const BuiltBody& body, Index node);
+
+}  // namespace espalier::dynamics::model
