@@ -49,7 +49,16 @@ Demand demand_of(JointType type) {
     case JointType::planar:
       return {Vec3(0, 0, 1), Turn::axis};
     case JointType::point_on_line:
+    case JointType::in_line:
       return {Vec3(1, 1, 0), Turn::free};
+    case JointType::screw:
+      return {Vec3(1, 1, 0), Turn::axis};
+    case JointType::constant_velocity:
+      return {Vec3::Ones(), Turn::free};
+    case JointType::parallel_axes:
+      return {Vec3::Zero(), Turn::axis};
+    case JointType::in_plane:
+      return {Vec3(0, 0, 1), Turn::free};
     default:
       return {Vec3::Zero(), Turn::free, false};
   }
