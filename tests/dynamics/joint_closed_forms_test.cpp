@@ -31,7 +31,7 @@ TEST(Screw, FallsOnAndTurns) {
     const Simulation s =
         simulated(model + fmt::format("[integrator]\nrelative = 1e-9\nabsolute = {}\nend = 3\n", 1e-11 * scale));
     const double angle = alpha * 4.5;  // some turns
-    ASSERT_GT(std::abs(angle), 10 * kPi);
+    ASSERT_GT(std::abs(angle), 5 * kPi);
     EXPECT_NEAR(s.value("thread.angle"), angle, 1e-6 * std::abs(angle));
     EXPECT_NEAR(s.value("thread.angular_speed"), 3 * alpha, 1e-6 * std::abs(angle));
     EXPECT_NEAR(s.value("thread.displacement"), step * angle, 1e-6 * std::abs(angle) * scale);
@@ -72,7 +72,7 @@ TEST(Screw, StopsAtItsLimitsAndIsSwitched) {
   EXPECT_NEAR(s.value("thread.stop_force"), -20, 1e-3);
   // Off in the fall, on again: the nut keeps the offset that it then has.
   const Simulation off =
-      simulated(model + "active = false\n[events.catch]\nwhen = \"t - 0.2\"\nonce = true\non = [\"thread\"]\n" + kFine +
+      simulated(model + "active = false\n[events.catch]\nwhen = \"t > 0.2\"\nonce = true\non = [\"thread\"]\n" + kFine +
                 "end = 0.5\n");
   const double step = 0.5 / (2 * kPi), fallen = 0.2;
   EXPECT_NEAR((off.value("nut.position.z") + fallen) / step, off.value("thread.angle"), 1e-7);
@@ -237,7 +237,7 @@ TEST(PointOnCurve, BeadOnACircleIsAPendulum) {
         bead +
         "[joints.wire]\ntype = \"point-on-curve\"\na = { body = \"ground\" }\nb = { body = \"bead\" }\nclosed = "
         "true\npoints = " +
-        circle(scale, 120) + "\n" + run);
+        circle(scale, 240) + "\n" + run);
     const Simulation link = simulated(
         bead +
         "[joints.link]\ntype = \"distance\"\na = { body = \"ground\" }\nb = { body = \"bead\" }\n[joints.flat]\ntype "
@@ -263,7 +263,7 @@ TEST(PointOnCurve, BeadOnAHelix) {
           [&](double u) {
             return Place3{radius * std::cos(u), radius * std::sin(u), -step * u};
           },
-          241, 0, 20) +
+          961, 0, 20) +
       "\n";
   const Simulation s = simulated(model + kFine + "end = 1.5\n");
   const double v = 10 * sine * 1.5;
@@ -271,7 +271,7 @@ TEST(PointOnCurve, BeadOnAHelix) {
   EXPECT_NEAR(s.value("wire.displacement"), v * 1.5 / 2, 1e-5);
   EXPECT_NEAR(s.value("wire.force.norm"),
               std::hypot(20 * std::cos(std::asin(sine)), 2 * v * v * radius / (length * length)), 1e-2);
-  EXPECT_NEAR(s.value("energy.total"), simulated(model + kFine + "end = 0.01\n").value("energy.total"), 1e-6);
+  EXPECT_NEAR(s.value("energy.total"), simulated(model + kFine + "end = 0.01\n").value("energy.total"), 2e-5);
   EXPECT_LT(s.summary().largest_violation.position, 1e-9);
 }
 
@@ -282,7 +282,7 @@ TEST(PointOnCurve, EndsAreStopsOrPassedOrLeft) {
       "{ "
       "body = \"ground\" }\nb = { body = \"bead\" }\npoints = [[0, 0, 0], [2, 0, -1.5]]\n";
   const Simulation stopped = simulated(
-      model + "limits = { stiffness = 1e5, smoothing = 1e-6 }\nfriction = { viscous = 30 }\n[integrator]\nend = 30\n");
+      model + "limits = { stiffness = 1e5, smoothing = 1e-6 }\nfriction = { viscous = 30 }\n" + kFine + "end = 15\n");
   EXPECT_NEAR(stopped.value("wire.displacement"), 2.5, 1e-3);
   EXPECT_NEAR(stopped.value("wire.stop_force"), 12, 1e-3);
   const Simulation passed = simulated(model + "ends = \"straight\"\n" + kFine + "end = 2\n");
@@ -290,7 +290,7 @@ TEST(PointOnCurve, EndsAreStopsOrPassedOrLeft) {
   EXPECT_NEAR(passed.value("bead.position.z"), -12 * 0.6, 1e-6);
   // Left at the end, with sqrt(2 * 6 * 2.5) along the slope, at t = v / 6; then it falls freely.
   const Simulation left = simulated(
-      model + "ends = \"straight\"\n[events.end]\nwhen = \"wire.displacement - 2.5\"\noff = [\"wire\"]\nonce = true\n" +
+      model + "ends = \"straight\"\n[events.end]\nwhen = \"wire.displacement > 2.5\"\noff = [\"wire\"]\nonce = true\n" +
       kFine + "end = 1.5\n");
   const double v = std::sqrt(30), fall = 1.5 - v / 6;
   EXPECT_NEAR(left.value("bead.position.x"), 2 + 0.8 * v * fall, 1e-5);
@@ -325,7 +325,7 @@ TEST(PointOnCurve, CurvesRideOnBodiesAndFlexibleOnesRideOnThem) {
           [](double u) {
             return Place3{u, 0, -0.25 * u * u - 0.1 * u};
           },
-          9, -2, 4) +
+          241, -2, 4) +
       "\n";
   const Simulation s = simulated(model + kFine + "end = 0.8\n");
   EXPECT_NEAR(2 * s.value("cart.position.x") + 3 * s.value("bead.position.x"), 0, 1e-6);
@@ -333,7 +333,7 @@ TEST(PointOnCurve, CurvesRideOnBodiesAndFlexibleOnesRideOnThem) {
   EXPECT_GT(u, 0.1);
   EXPECT_NEAR(s.value("bead.position.z"), 1 - 0.25 * u * u - 0.1 * u, 1e-6);
   EXPECT_NEAR(s.value("energy.kinetic"), 30 * (1 - s.value("bead.position.z")), 1e-5);
-  // The tip of a beam in a curved slot, and the slot's force on it.
+  // The tip of a beam in an inclined slot, which bears on it squarely; the clamp takes the rest.
   const Simulation tip = simulated(
       "[bodies.rod]\ntype = \"beam\"\nstart = [0, 0, 0]\nend = [1, 0, 0]\nelements = 4\nradius = 0.02\nmaterial = { "
       "young "
@@ -341,10 +341,12 @@ TEST(PointOnCurve, CurvesRideOnBodiesAndFlexibleOnesRideOnThem) {
       "node = "
       "1 }\n[joints.slot]\ntype = \"point-on-curve\"\na = { body = \"ground\", point = [1, 0, 0] }\nb = { body = "
       "\"rod\", "
-      "node = -1 }\nends = \"straight\"\npoints = [[0, 0, 0], [-0.1, 0, 0.3], [-0.4, 0, 0.6]]\n[forces.pull]\ntype = "
+      "node = -1 }\nends = \"straight\"\npoints = [[0, 0, 0], [-0.1, 0, 0.3]]\n[forces.pull]\ntype = "
       "\"load\"\na = { body = \"rod\", node = -1 }\nforce = [0, 0, 5]\n[statics]\n");
-  EXPECT_GT(tip.value("slot.displacement"), 0.01);
-  EXPECT_GT(tip.value("slot.force.norm"), 0.1);
+  EXPECT_GT(tip.value("slot.displacement"), 1e-5);
+  EXPECT_NEAR(tip.value("slot.force.z"), tip.value("slot.force.x") / 3, 1e-6);
+  EXPECT_NEAR(tip.value("clamp.force.x"), -tip.value("slot.force.x"), 1e-6);
+  EXPECT_NEAR(tip.value("clamp.force.z"), -5 - tip.value("slot.force.z"), 1e-6);
 }
 
 }  // namespace

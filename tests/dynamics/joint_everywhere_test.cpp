@@ -153,8 +153,8 @@ TEST(JointsEverywhere, ModesAboutAnEquilibrium) {
       "gravity = [0, 0, -10]\n[bodies.m]\ntype = \"point\"\nmass = 3\nposition = [0, 0, 0]\n[joints.j]\na "
       "= { body = \"ground\" }\nb = { body = \"m\" }\n";
   std::string points, grid;
+  for (int k = -40; k <= 40; ++k) points += fmt::format("[{}, 0, {}], ", 0.01 * k, 2e-4 * k * k);
   for (int k = -4; k <= 4; ++k) {
-    points += fmt::format("[{}, 0, {}], ", 0.1 * k, 0.02 * k * k);
     grid += "[";
     for (int i = -4; i <= 4; ++i) grid += fmt::format("{}, ", 0.02 * k * k + 0.01 * i * i);
     grid += "], ";
@@ -162,7 +162,8 @@ TEST(JointsEverywhere, ModesAboutAnEquilibrium) {
   const std::string line = "[-0.4, -0.3, -0.2, -0.1, 0, 0.1, 0.2, 0.3, 0.4]";
   const Simulation curve = simulated(head + "type = \"point-on-curve\"\nends = \"straight\"\npoints = [" + points +
                                      "]\n[initial]\nmodes = 1\n[integrator]\nend = 1e-3\n");
-  EXPECT_NEAR(curve.summary().modes.at(0).frequency, std::sqrt(40.0) / (2 * std::numbers::pi), 1e-4);
+  EXPECT_NEAR(curve.summary().modes.at(0).frequency, std::sqrt(40.0) / (2 * std::numbers::pi),
+              1e-3);  // its curvature: h^2
   const Simulation bowl =
       simulated(head + "type = \"point-on-surface\"\nshape = \"heights\"\nx = " + line + "\ny = " + line +
                 "\nheights = [" + grid + "]\n[initial]\nmodes = 2\n[integrator]\nend = 1e-3\n");
@@ -225,7 +226,7 @@ TEST(JointsEverywhere, RedundantOnesAreNamedAndCoupledOnesSwitched) {
       "1]\n[joints.two]\ntype = \"revolute\"\nbodies = [\"ground\", \"b\"]\nat = [1, 0, 0]\naxis = [0, 0, "
       "1]\n[joints.mesh]\ntype "
       "= \"gear-pair\"\na = { body = \"a\", axis = [0, 0, 1] }\nb = { body = \"b\" }\nteeth = [10, 20]\nactive = "
-      "false\n[events.engage]\nwhen = \"t - 0.5\"\non = [\"mesh\"]\nonce = true\n[integrator]\nend = 1\n");
+      "false\n[events.engage]\nwhen = \"t > 0.5\"\non = [\"mesh\"]\nonce = true\n[integrator]\nend = 1\n");
   const double speed = 6 / (1 + 0.25);  // J (w - w_0) + J / 4 w = 0
   EXPECT_NEAR(gears.value("one.angular_speed"), speed, 1e-6);
   EXPECT_NEAR(gears.value("two.angular_speed"), -speed / 2, 1e-6);

@@ -206,7 +206,9 @@ TEST(Worm, FrictionTakesItsShareAndLocks) {
   const Simulation slips = simulated(worm_drive(
       "friction = { coefficient = 0.1, slip_speed = 1e-4 }",
       "[forces.back]\ntype = \"load\"\na = { body = \"wheel\" }\nmoment = [0, -5, 0]\n" + kAccurate + "end = 1\n"));
-  EXPECT_LT(slips.value("wheel-bearing.angle"), -0.3);
+  // With mu = 0.1 it does: F r_w tan(l - phi) turns the worm, 5 - F R the wheel; angle at t = 1.
+  const double back = 0.05 * std::tan(std::atan(tangent) - std::atan(0.1)) / 0.01 * 0.06 / (2 * kPi * 0.2);
+  EXPECT_NEAR(slips.value("wheel-bearing.angle"), -0.5 * back * 5 / (0.2 + 0.3 * back), 2e-4);
 }
 
 TEST(CableJoint, AtwoodsMachineAndATackle) {
@@ -283,9 +285,9 @@ TEST(CableForce, RubsInItsRings) {
           "[\"load\", {3}, \"hand\"]\nstiffness = 1e5\ndamping = 1e3\nlength = {4:.17g}\nfriction = 0.2\nslip_speed = "
           "1e-3\n[integrator]\nrelative = 1e-7\nabsolute = 1e-9\nend = 2\n",
           0.2 * side, wide, -0.2 * side, rings, (two ? 2.4 : 1 + std::hypot(0.3, 1)) - 3e-4));
-      EXPECT_NEAR(s.value("rope.first_tension"), 30, 1e-3);
+      EXPECT_NEAR(s.value("rope.first_tension"), 30, two ? 5e-3 : 0.1);  // it is not quite steady
       const double turn = two ? kPi : kPi - std::atan2(0.3, -s.value("hand.position.z"));
-      EXPECT_NEAR(s.value("rope.tension"), 30 * std::exp(0.2 * turn * side), 2e-2);
+      EXPECT_NEAR(s.value("rope.tension") / s.value("rope.first_tension"), std::exp(0.2 * turn * side), 1e-4);
       const double speed = two ? 0.2 : 0.2 * std::cos(std::atan2(0.3, -s.value("hand.position.z")));
       EXPECT_NEAR(s.value("load.velocity.z"), speed * side, 2e-3);
     }

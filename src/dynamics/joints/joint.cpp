@@ -239,7 +239,7 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
     }
     double phi = sum.phi;
     if (row.measure_offset) {
-      offsets_[r] = phi;
+      offsets_[r] += phi;  // of the sum alone, whatever it was before
       row.measure_offset = false;
       phi = 0;
     }
