@@ -182,7 +182,7 @@ class Parts:
         type "point-on-curve" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, from, limits, friction
             as above):
         points: list of points [length]. of the curve, in the axes of frame a: a cubic spline goes through them, twice
-            differentiable, with errors that fall with the fourth power of the distance of the points
+            differentiable
         file: text. the same from a text file, x, y, z in each line
         scale: number > 0, default 1. the same from a text file, x, y, z in each line
         closed: true or false, default false. the curve goes on from its last point to its first (which may stand

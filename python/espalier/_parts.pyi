@@ -1241,7 +1241,7 @@ class Parts:
             rotation are held, and the face may bend and warp
         active: true or false, default true
         points: list of points [length]. of the curve, in the axes of frame a: a cubic spline goes through them, twice
-            differentiable, with errors that fall with the fourth power of the distance of the points
+            differentiable
         file: text. the same from a text file, x, y, z in each line
         scale: number > 0, default 1. the same from a text file, x, y, z in each line
         closed: true or false, default false. the curve goes on from its last point to its first (which may stand
