@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "src/dynamics/model"
-GUIDE = ("simulate.md", "forces.md", "contact.md")
+GUIDE = ("simulate.md", "forces.md", "contact.md", "joints.md")
 
 # Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
 SECTIONS = (
@@ -79,12 +79,22 @@ SECTIONS = (
     ("", "read_supports.cpp", "read_symmetry", (), (("Supports", "key"),)),
     ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
     ("Joint rolling", "read_joints.cpp", "read_rolling", (), (("Joints", "type"),)),
+    ("Joint screw", "joint_kinds/screw.cpp", "read_screw", (), (("Wheels, racks and worms", "key"),)),
+    ("Joint point-on-curve", "joint_kinds/point_on_curve.cpp", "read_point_on_curve", (), (("Points on curves and surfaces", "key"),)),
+    ("Joint point-on-surface", "joint_kinds/point_on_surface.cpp", "read_form", (), (("Points on curves and surfaces", "key"),)),
+    ("Joint point-on-surface: heights", "joint_kinds/point_on_surface.cpp", "read_heights", (), (("Points on curves and surfaces", "key"),)),
+    ("Joint gear-pair", "joint_kinds/gear_pair.cpp", "read_gear_pair", (), (("Wheels, racks and worms", "key"),)),
+    ("Joint rack-pair", "joint_kinds/rack_pair.cpp", "read_rack_pair", (), (("Wheels, racks and worms", "key"),)),
+    ("Joint worm", "joint_kinds/worm.cpp", "read_worm", (), (("Wheels, racks and worms", "key"),)),
+    ("Joint cable", "joint_kinds/cable.cpp", "read_cable_joint", (), (("Cables through rings", "key"),)),
+    ("", "read_joints.cpp", "read_through", (), (("Cables through rings", "key"),)),
     ("Limits and friction of a joint", "read_contacts.cpp", "read_joint_contacts", (), (("Limits", ""),)),
     ("`limits` of a joint", "read_contacts.cpp", "read_limits", (), (("Limits", "key"),)),
     ("`friction` of a joint", "read_contacts.cpp", "read_friction", (), (("Limits", "key"),)),
     ("[forces.NAME]", "read_joints.cpp", "read_force", (), (("Forces", "type"), ("Expressions", "key"))),
     ("Springs", "read_joints.cpp", "read_spring", (), (("Expressions", "key"),)),
     ("Force guide", "read_joints.cpp", "read_guide", (), (("Forces", "type"),)),
+    ("Force cable", "read_joints.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
     ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
     ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),
     ("[events.NAME]", "read_events.cpp", "read_event", (), (("Events", "events"),)),
@@ -344,7 +354,7 @@ def mentioned(key, text):
 # Sections of a model that the functions of a source read, for the rows of units/key_dimensions.cpp; "": the top.
 READS = {"read_bodies.cpp": "bodies materials", "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
          "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
-         "read_splines.cpp": "splines", "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
+         "read_splines.cpp": "splines", **{f"joint_kinds/{f.name}": "joints" for f in sorted(MODEL.glob("joint_kinds/*.cpp"))}, "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
 NUMBERS = ("number", "list of numbers", "list of three", "list of points", "three numbers", "rotation", "function", "expression", "time")
 
 
@@ -373,7 +383,7 @@ def collect():
     fields, complaints, sections = members(), [], []
     rows = guide_rows()
     text_of_guide = "\n".join((ROOT / "docs/guide" / p).read_text() for p in GUIDE)
-    sources = {f.name: f.read_text() for f in sorted(MODEL.glob("read_*.cpp"))}
+    sources = {str(f.relative_to(MODEL)): f.read_text() for f in sorted([*MODEL.glob("read_*.cpp"), *MODEL.glob("joint_kinds/*.cpp")])}
     seen = {name: set() for name in sources}
     for title, file, function, structs, tables in SECTIONS:
         keys = keys_of(sources[file], function, structs, fields, seen[file])

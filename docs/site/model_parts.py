@@ -37,11 +37,19 @@ PARTS = {
     "joints": {t: (f"read_joint {_FRAMES} read_attach read_rolling read_joint_contacts", _JOINT + more, needed) for t, more, needed in (
         ("fixed", "", ""), ("revolute", "limits friction", ""), ("spherical", "", ""), ("universal", "", ""),
         ("cylindrical", "limits angle_limits friction", ""), ("prismatic", "limits friction", ""), ("planar", "", ""),
-        ("point-on-line", "", ""), ("distance", "length", ""), ("revolute-spherical", "length", ""),
+        ("point-on-line", "limits friction", ""), ("distance", "length", ""), ("revolute-spherical", "length", ""),
         ("rotation-motor", "motion from", "motion"), ("translation-motor", "motion from", "motion"),
         ("prescribed", "direction motion from", "direction motion"), ("rolling", "shape radius rim", "radius"), ("skate", "", ""))}
     | {t: (f"read_joint {_FRAMES} read_attach", f"type a b c d {more} pull attach active", f"a b c d {more}")
-       for t, more in (("gear", "ratio"), ("rack-and-pinion", "radius"))},
+       for t, more in (("gear", "ratio"), ("rack-and-pinion", "radius"))}
+    | {t: (f"read_joint {_FRAMES} read_attach {readers} read_joint_contacts", _JOINT + more, needed) for t, readers, more, needed in (
+        ("screw", "read_screw", "lead limits angle_limits friction", "lead"), ("constant-velocity", "", "limits", ""),
+        ("parallel-axes", "", "limits friction", ""), ("in-plane", "", "friction", ""), ("in-line", "", "limits friction", ""),
+        ("point-on-curve", "read_point_on_curve", "points file scale closed ends motion from limits friction", ""),
+        ("point-on-surface", "read_form read_heights", "shape radius rim angle half_axes x y heights friction", "shape"),
+        ("gear-pair", "read_gear_pair", "teeth inner", "teeth"), ("rack-pair", "read_rack_pair", "radius", ""),
+        ("worm", "read_worm", "lead radius friction", "lead radius"))}
+    | {"cable": ("read_joint read_through read_attach read_cable_joint", "type through length pull attach active", "through")},
     "forces": {
         **{t: (f"read_spring read_force {_FRAMES}", _TWO + "stiffness damping rest preload actuator", "")
            for t in ("spring", "axial-spring", "rotational-spring")},
@@ -50,6 +58,7 @@ PARTS = {
         "pressure": ("read_force", "type body face pressure active", "body face pressure"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"
                   " lengths curvatures", "stiffness smoothing lengths curvatures"),
+        "cable": ("read_through read_cable_force read_force", "type through stiffness damping length friction slip_speed active", "through stiffness"),
         "torque-motor": (f"read_force {_FRAMES}", _TWO + "torque", "torque"),
         "force-motor": (f"read_force {_FRAMES}", _TWO + "force", "force")},
     "surfaces": {t: ("read_surface read_surface_axes", _SURFACE + more, "body " + needed) for t, more, needed in (
@@ -112,7 +121,7 @@ def type_of(section, kind, key):
     by_name = {("bodies", "material"): "str | Material", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
                ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
                ("supports", "motion"): "Displacements", ("supports", "symmetry"): "str | Vector", ("joints", "limits"): "Limits",
-               ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("splines", "points"): "Points",
+               ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",
                ("splines", "x"): "Whole", ("splines", "y"): "Whole", ("events", "set"): "Mapping[str, Number]", ("Damping", "ratio"): "Number | Numbers",
                ("initial", "rotation"): "SteadyRotation", ("initial", "statics"): "bool | Statics", ("output", "paths"): "Mapping[str, Mapping[str, Any]]",
                ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}

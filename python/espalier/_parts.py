@@ -134,7 +134,8 @@ class Parts:
 
         type "planar" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above)
 
-        type "point-on-line" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above)
+        type "point-on-line" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as
+            above)
 
         type "distance" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
         length: number, or "initial" [length]
@@ -166,6 +167,56 @@ class Parts:
         ratio: number, needed
 
         type "rack-and-pinion" (a, b, c, d, radius, pull, attach, active as above)
+
+        type "screw" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, angle_limits, friction
+            as above):
+        lead: number [length], needed. way of the thread for a turn of the worm, positive for right-handed ones
+
+        type "constant-velocity" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits as above)
+
+        type "parallel-axes" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as
+            above)
+
+        type "in-plane" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, friction as above)
+
+        type "in-line" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as above)
+
+        type "point-on-curve" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, from, limits, friction
+            as above):
+        points: list of points [length]. of the curve, in the axes of frame a: a cubic spline goes through them, twice
+            differentiable
+        file: text. the same from a text file, x, y, z in each line
+        scale: number > 0, default 1. the same from a text file, x, y, z in each line
+        closed: true or false, default false. the curve goes on from its last point to its first (which may stand
+            there again)
+        ends: one of limits, straight, default limits. of an open curve: "limits" stop the point, or it goes on along
+            the "straight" tangents
+        motion: function of time [length]
+
+        type "point-on-surface" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, friction as above):
+        shape: one of sphere, ellipsoid, cylinder, cone, torus, heights, needed. sphere, cylinder (about z), torus
+            (about z): with radius, the torus with rim for its tube; cone (about z, open to it, its apex at the
+            origin) with angle
+        radius: number [length]
+        rim: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
+        angle: number > 0 [angle]. between the axis of a cone and its surface, in radians
+        half_axes: list of three numbers [length]. of an ellipsoid along x, y, z
+        x: list of numbers [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for
+            each x
+        y: list of numbers [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for
+            each x
+        heights: table [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for each x
+
+        type "gear-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
+        teeth: list of numbers, needed. of both wheels, or any two numbers in proportion to their radii, [20, 35]
+        inner: one of none, a, b, default none. which wheel has inner teeth: "a", "b" or none
+
+        type "rack-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, radius as above)
+
+        type "worm" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, lead, radius, friction as above)
+
+        type "cable" (length, pull, attach, active as above):
+        through: table, needed. the frames: where it begins, the rings, where it ends
         """
         return self.part("joints", name, {"type": type, **keys})
 
@@ -226,6 +277,15 @@ class Parts:
         direction: number [angle], default 0
         lengths: list of numbers [length], needed
         curvatures: list of numbers [1/length or angle/length], needed
+
+        type "cable" (active as above):
+        through: table, needed. the frames: where it begins, the rings, where it ends
+        stiffness: number > 0 [force/length], needed. force for the stretch of the whole, E A / length
+        damping: number [force time/length], default 0. force for the rate of the stretch
+        length: number, or "initial" [length]. of all
+        friction: number, default 0. coefficient in the rings: over one in which the rope turns by theta the pull
+            grows by exp(friction theta) the way that it slips (Eytelwein)
+        slip_speed: number > 0 [length/time], default 1. where friction is 76 % developed
 
         type "torque-motor" (a, b, bodies, at, rotation, axis, x_axis, active as above):
         torque: expression [force length], needed. on b about z of a, the opposite on a

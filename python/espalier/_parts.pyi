@@ -316,7 +316,7 @@ class Friction(TypedDict, total=False):
     slip_speed: number > 0 [length/time]. where friction is 76 % developed
     stribeck_speed: number > 0 [length/time]. where static has fallen off
     preload: number >= 0 [force], default 0. a force that presses always
-    radius: number > 0 [length], default 1. of the pin
+    radius: number > 0 [length], default 1. of the pin, of the thread
     bending_arm: number > 0 [length]. lever arms
     torsion_arm: number > 0 [length]. lever arms
     collar_radius: number >= 0 [length], default 0. lever arms
@@ -871,7 +871,8 @@ class Parts:
     def joint(
         self, name: str, /, type: Literal["point-on-line"], *, a: str | Frame = ..., b: str | Frame = ..., bodies:
         Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ...,
-        pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ...
+        pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ..., friction:
+        Friction = ...
     ) -> str:
         """Adds [joints.NAME], type "point-on-line", and returns the name.
 
@@ -888,6 +889,8 @@ class Parts:
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
             rotation are held, and the face may bend and warp
         active: true or false, default true
+        limits: {...}
+        friction: {...}
         """
     @overload
     def joint(
@@ -1096,6 +1099,292 @@ class Parts:
         active: true or false, default true
         """
     @overload
+    def joint(
+        self, name: str, /, type: Literal["screw"], *, lead: Number, a: str | Frame = ..., b: str | Frame = ...,
+        bodies: Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector =
+        ..., pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ...,
+        angle_limits: Limits = ..., friction: Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "screw", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        lead: number [length], needed. way of the thread for a turn of the worm, positive for right-handed ones
+        limits: {...}
+        angle_limits: {...}
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["constant-velocity"], *, a: str | Frame = ..., b: str | Frame = ..., bodies:
+        Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ...,
+        pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ...
+    ) -> str:
+        """Adds [joints.NAME], type "constant-velocity", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        limits: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["parallel-axes"], *, a: str | Frame = ..., b: str | Frame = ..., bodies:
+        Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ...,
+        pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ..., friction:
+        Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "parallel-axes", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        limits: {...}
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["in-plane"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
+        ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
+        = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., friction: Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "in-plane", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["in-line"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
+        ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
+        = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ..., friction: Friction =
+        ...
+    ) -> str:
+        """Adds [joints.NAME], type "in-line", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        limits: {...}
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["point-on-curve"], *, a: str | Frame = ..., b: str | Frame = ..., bodies:
+        Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ...,
+        pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., points: Points = ..., file: str
+        | PathLike[str] = ..., scale: Number = ..., closed: bool = ..., ends: Literal["limits", "straight"] = ...,
+        motion: Number = ..., from_: Literal["zero", "initial"] = ..., limits: Limits = ..., friction: Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "point-on-curve", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        points: list of points [length]. of the curve, in the axes of frame a: a cubic spline goes through them, twice
+            differentiable
+        file: text. the same from a text file, x, y, z in each line
+        scale: number > 0, default 1. the same from a text file, x, y, z in each line
+        closed: true or false, default false. the curve goes on from its last point to its first (which may stand
+            there again)
+        ends: one of limits, straight, default limits. of an open curve: "limits" stop the point, or it goes on along
+            the "straight" tangents
+        motion: function of time [length]
+        from: one of zero, initial, default zero
+        limits: {...}
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["point-on-surface"], *, shape: Literal["sphere", "ellipsoid", "cylinder",
+        "cone", "torus", "heights"], a: str | Frame = ..., b: str | Frame = ..., bodies: Texts = ..., at: Vector =
+        ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool = ..., attach:
+        Literal["mean", "rigid"] = ..., active: bool = ..., radius: Number = ..., rim: Number = ..., angle: Number =
+        ..., half_axes: Vector = ..., x: Numbers = ..., y: Numbers = ..., heights: Items[Numbers] = ..., friction:
+        Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "point-on-surface", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        shape: one of sphere, ellipsoid, cylinder, cone, torus, heights, needed. sphere, cylinder (about z), torus
+            (about z): with radius, the torus with rim for its tube; cone (about z, open to it, its apex at the
+            origin) with angle
+        radius: number [length]
+        rim: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
+        angle: number > 0 [angle]. between the axis of a cone and its surface, in radians
+        half_axes: list of three numbers [length]. of an ellipsoid along x, y, z
+        x: list of numbers [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for
+            each x
+        y: list of numbers [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for
+            each x
+        heights: table [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for each x
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["gear-pair"], *, teeth: Numbers, a: str | Frame = ..., b: str | Frame = ...,
+        bodies: Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector =
+        ..., pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., inner: Literal["none", "a",
+        "b"] = ...
+    ) -> str:
+        """Adds [joints.NAME], type "gear-pair", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        teeth: list of numbers, needed. of both wheels, or any two numbers in proportion to their radii, [20, 35]
+        inner: one of none, a, b, default none. which wheel has inner teeth: "a", "b" or none
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["rack-pair"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
+        ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
+        = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., radius: Number = ...
+    ) -> str:
+        """Adds [joints.NAME], type "rack-pair", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        radius: number [length]
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["worm"], *, lead: Number, radius: Number, a: str | Frame = ..., b: str |
+        Frame = ..., bodies: Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ...,
+        x_axis: Vector = ..., pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., friction:
+        Friction = ...
+    ) -> str:
+        """Adds [joints.NAME], type "worm", and returns the name.
+
+        a: a marker's name or a table
+        b: a marker's name or a table
+        bodies: list of texts
+        at: list of three numbers [length]
+        rotation: rotation [angle]. of the axes, instead of axis
+        axis: list of three numbers, default [0, 0, 1]. directions of the z axis and (nearly) the x axis, in body
+            (mesh) axes
+        x_axis: list of three numbers. directions of the z axis and (nearly) the x axis, in body (mesh) axes
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        lead: number [length], needed. way of the thread for a turn of the worm, positive for right-handed ones
+        radius: number [length], needed
+        friction: {...}
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["cable"], *, through: Items[str | Frame], length: Number = ..., pull: bool =
+        ..., attach: Literal["mean", "rigid"] = ..., active: bool = ...
+    ) -> str:
+        """Adds [joints.NAME], type "cable", and returns the name.
+
+        through: table, needed. the frames: where it begins, the rings, where it ends
+        length: number, or "initial" [length]
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        """
+    @overload
     def force(
         self, name: str, /, type: Literal["spring"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
         ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., active:
@@ -1244,6 +1533,22 @@ class Parts:
         direction: number [angle], default 0
         lengths: list of numbers [length], needed
         curvatures: list of numbers [1/length or angle/length], needed
+        """
+    @overload
+    def force(
+        self, name: str, /, type: Literal["cable"], *, through: Items[str | Frame], stiffness: Number, damping: Number
+        = ..., length: Number = ..., friction: Number = ..., slip_speed: Number = ..., active: bool = ...
+    ) -> str:
+        """Adds [forces.NAME], type "cable", and returns the name.
+
+        through: table, needed. the frames: where it begins, the rings, where it ends
+        stiffness: number > 0 [force/length], needed. force for the stretch of the whole, E A / length
+        damping: number [force time/length], default 0. force for the rate of the stretch
+        length: number, or "initial" [length]. of all
+        friction: number, default 0. coefficient in the rings: over one in which the rope turns by theta the pull
+            grows by exp(friction theta) the way that it slips (Eytelwein)
+        slip_speed: number > 0 [length/time], default 1. where friction is 76 % developed
+        active: true or false, default true
         """
     @overload
     def force(

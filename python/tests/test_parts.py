@@ -40,11 +40,23 @@ GOOD = {
         **{t: [{**PAIR, "motion": 0}, {"a": "m", "b": "n", "motion": 0}] for t in ("rotation-motor", "translation-motor")},
         "prescribed": [{**PAIR, "motion": 0, "direction": "x"}, {"a": "m", "b": "n", "motion": 0, "direction": "x"}],
         "gear": [{**FRAMES, "ratio": 1}], "rack-and-pinion": [{**FRAMES, "radius": 1}],
+        **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("constant-velocity", "parallel-axes", "in-plane", "in-line", "rack-pair")},
+        **{t: [{**PAIR, **more}, {"a": "m", "b": "n", **more}] for t, more in (
+            ("screw", {"lead": 1}), ("gear-pair", {"teeth": [1, 2]}), ("worm", {"lead": 1, "radius": 1}))},
+        "point-on-surface": [
+            {**pair, **more} for pair in (PAIR, {"a": "m", "b": "n"}) for more in (
+                {"shape": "sphere", "radius": 1}, {"shape": "torus", "radius": 2, "rim": 1}, {"shape": "cone", "angle": 0.5},
+                {"shape": "ellipsoid", "half_axes": [1, 1, 1]}, {"shape": "heights", "x": [0, 1], "y": [0, 1], "heights": [[0, 0], [0, 0]]})],
+        "point-on-curve": [
+            {**pair, **more} for pair in (PAIR, {"a": "m", "b": "n"}) for more in (
+                {"points": [[0, 0, 0], [1, 0, 0]], "ends": "straight"}, {"file": "curve.csv", "ends": "straight", "motion": 0})],
+        "cable": [{"through": ["m", "n"]}],
         "rolling": [{**PAIR, "radius": 1}, {"a": "m", "b": "n", "radius": 2}]},
     "forces": {
         **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("spring", "axial-spring", "rotational-spring", "bushing")},
         "load": [{"a": "m"}], "pressure": [{"body": "b", "face": "f", "pressure": 1}],
         "guide": [{**part, "stiffness": 1, "smoothing": 1, "lengths": [1], "curvatures": [1]} for part in (PAIR, {"a": "m", "b": "n"})],
+        "cable": [{"through": ["m", "n"], "stiffness": 1}],
         "torque-motor": [{**PAIR, "torque": 1}, {"a": "m", "b": "n", "torque": 1}],
         "force-motor": [{**PAIR, "force": 1}, {"a": "m", "b": "n", "force": 1}]},
     "surfaces": {
@@ -69,6 +81,7 @@ def asked(section, keys, folder):
 @pytest.mark.parametrize("section", GOOD)
 def test_tables_of_keys_are_those_of_the_readers(section, tmp_path):
     (tmp_path / "table.csv").write_text("0,0\n1,1\n")
+    (tmp_path / "curve.csv").write_text("0,0,0\n1,1,0\n")
     corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
     faces = "".join("facet normal 0 0 0\nouter loop\n" + "".join("vertex %d %d %d\n" % corners[k] for k in face) + "endloop\nendfacet\n"
                     for face in ((0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)))

@@ -73,6 +73,18 @@ TEST(DocsExamples, OfForcesRun) {
   }
 }
 
+TEST(DocsExamples, OfJointsRun) {
+  const std::string page = content_of((espalier::test::source_folder() / "docs/guide/joints.md").string());
+  const std::vector<std::string> models = blocks(page, "toml");
+  EXPECT_EQ(models.size(), 5U);
+  for (const std::string& text : models) {
+    const Simulation printed = simulated(text);
+    EXPECT_GE(printed.summary().steps, 10);
+    expect_converged(printed, simulated(text, tightened("1e-9", "1e-11", "1e-11")), 5e-4, text.substr(0, 200));
+    expect_no_energy_notice(printed);
+  }
+}
+
 TEST(DocsExamples, OfContactRun) {
   const std::string page = content_of((espalier::test::source_folder() / "docs/guide/contact.md").string());
   const std::vector<std::string> models = blocks(page, "toml");

@@ -170,7 +170,22 @@ end = 0.01
       {"translation-motor", apart + "motion = \"0.1*t^2\"\n", 11},
       {"prescribed", apart + "direction = \"x\"\nmotion = \"t\"\nfrom = \"initial\"\n", 11},
       {"gear", four + "ratio = 2\n", 11},
-      {"rack-and-pinion", four + "radius = 0.2\n", 11}};
+      {"rack-and-pinion", four + "radius = 0.2\n", 11},
+      {"screw", pair + "lead = 0.1\n", 7},
+      {"constant-velocity", pair, 8},
+      {"parallel-axes", pair, 10},
+      {"in-plane", pair, 11},
+      {"in-line", pair, 10},
+      {"point-on-curve", pair + "points = [[0, 0, -1], [0, 0, 1]]\nends = \"straight\"\n", 10},
+      {"point-on-curve",
+       pair + "points = [[0, 0, -1], [0, 0, 1]]\nends = \"straight\"\nmotion = \"t\"\nfrom = \"initial\"\n", 9},
+      {"point-on-surface", "a = { body = \"one\" }\nb = { body = \"two\" }\nshape = \"sphere\"\nradius = 1\n", 11},
+      {"gear-pair", apart + "teeth = [10, 20]\n", 11},
+      {"rack-pair", "a = { body = \"one\", axis = [0, 1, 0] }\nb = { body = \"two\", axis = [0, 0, 1] }\n", 11},
+      {"worm",
+       "a = { body = \"one\", axis = [0, 1, 0] }\nb = { body = \"two\", axis = [0, 0, 1] }\nlead = 0.1\nradius = 0.8\n",
+       11},
+      {"cable", "through = [\"one\", { body = \"ground\", point = [0, 1, 0] }, \"two\"]\n", 11}};
   for (const Case& c : cases) {
     const Simulation s = simulated(bodies + "type = \"" + c.type + "\"\n" + c.keys);
     EXPECT_EQ(s.summary().degrees_of_freedom, c.freedom) << c.type;

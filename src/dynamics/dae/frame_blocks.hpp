@@ -22,8 +22,10 @@ class FrameBlocks {
     bool between_rotations = true;  ///< the wrenches depend on rotations; else, with turning_only, J alone does
   };
 
+  static constexpr int kMostFrames = 12;
+
   FrameBlocks() = default;
-  /// @param frames  at most four; they outlive the object
+  /// @param frames  at most kMostFrames; they outlive the object
   FrameBlocks(std::vector<const Frame*> frames, Coupling coupling);
   /// The entries of W. Valid after the bodies were placed.
   void declare(PatternBuilder& w) const;
@@ -31,7 +33,7 @@ class FrameBlocks {
   void bind(const SparsePattern& w, base::ThreadPool* pool);
 
   struct Derivatives {
-    static constexpr int kMost = 24;  // of four frames: nothing is allocated
+    static constexpr int kMost = 6 * kMostFrames;                                            // nothing is allocated
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost> k;  ///< 6 F x 6 F of F frames
     Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::ColMajor, kMost, kMost> d;  ///< the same; empty: zero
     Eigen::Matrix<double, Eigen::Dynamic, 1, Eigen::ColMajor, kMost, 1> wrench;  ///< 6 F: the w of d(J^T w)/dq

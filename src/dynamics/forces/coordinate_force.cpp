@@ -30,8 +30,8 @@ CoordinateForce::CoordinateForce(std::string name, FramePtr a, FramePtr b, Coord
     : FrameForce(std::move(name), std::move(a), std::move(b)), coordinate_(coordinate), law_(std::move(law)) {}
 
 LawPoint CoordinateForce::point(const Pair& p, RelativeValue& g) const {
-  dynamics::evaluate(coordinate_.kind, coordinate_.axis, 0, p.a, p.b, false, g);
-  if (coordinate_.kind == Relative::angle) g.value = turns_.unwrapped(g.value, p.t);
+  dynamics::evaluate(coordinate_, p.a, p.b, false, g);
+  if (coordinate_.turns()) g.value = turns_.unwrapped(g.value, p.t);
   return {p.t, g.value, gradient(g).dot(twist(p)), p.inputs, load_factor()};
 }
 
@@ -48,7 +48,7 @@ void CoordinateForce::law_derivatives(const Pair& p, Mat12& k, Mat12& d) const {
   const auto c = gradient(g);
   const CoordinateLaw::Strength s = law_->strength(at);
   Mat12 curvature = Mat12::Zero();
-  add_curvature(coordinate_.kind, coordinate_.axis, 0, p.a, p.b, 1.0, curvature);
+  add_curvature(coordinate_, p.a, p.b, 1.0, curvature);
   k = -s.value * curvature;
   k -= c * (s.by_g * c.transpose() + s.by_rate * (twist(p).transpose() * curvature));
   d = -s.by_rate * c * c.transpose();
@@ -81,7 +81,7 @@ void CoordinateForce::add_falling(const StateView& s, std::vector<FallingForce>&
 }
 
 void CoordinateForce::accept(const StateView& s) {
-  if (coordinate_.kind != Relative::angle) return;
+  if (!coordinate_.turns()) return;
   Pair p{s.t, {}, {}, {}};
   frame(0).motion(s.q, s.v, p.a);
   frame(1).motion(s.q, s.v, p.b);
@@ -91,11 +91,11 @@ void CoordinateForce::accept(const StateView& s) {
 }
 
 void CoordinateForce::save(std::vector<double>& out) const {
-  if (coordinate_.kind == Relative::angle) turns_.save(out);
+  if (coordinate_.turns()) turns_.save(out);
 }
 
 void CoordinateForce::restore(ConstSpan& in) {
-  if (coordinate_.kind == Relative::angle) turns_.restore(in);
+  if (coordinate_.turns()) turns_.restore(in);
 }
 
 namespace {
@@ -139,8 +139,7 @@ class StrengthFunction final : public CompositeFunction {
 }  // namespace
 
 StateFunctionPtr coordinate_of(const CoordinateForce& force, bool rate) {
-  const auto [kind, axis] = force.coordinate();
-  return relative_quantity({&force.frame(0), &force.frame(1), kind, axis, &force.turns(), rate});
+  return relative_quantity({&force.frame(0), &force.frame(1), force.coordinate(), &force.turns(), rate});
 }
 
 StateFunctionPtr strength_of(const CoordinateForce& force) { return std::make_shared<StrengthFunction>(force); }

@@ -33,13 +33,10 @@ class CoordinateLaw {
 /// Applies a law along a relative coordinate: wrench -c s, c = dg/dx. An angle counts its turns.
 class CoordinateForce final : public FrameForce {
  public:
-  struct Coordinate {
-    Relative kind = Relative::distance;
-    int axis = 0;  ///< of `along`
-  };
+  using Coordinate = PairCoordinate;
   CoordinateForce(std::string name, FramePtr a, FramePtr b, Coordinate coordinate, std::unique_ptr<CoordinateLaw> law);
 
-  [[nodiscard]] Coordinate coordinate() const { return coordinate_; }
+  [[nodiscard]] const Coordinate& coordinate() const { return coordinate_; }
   [[nodiscard]] const TurnCounter& turns() const { return turns_; }
   [[nodiscard]] const CoordinateLaw& strength_law() const { return *law_; }
 

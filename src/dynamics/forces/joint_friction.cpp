@@ -6,10 +6,7 @@
 namespace espalier::dynamics {
 namespace {
 
-/// phi(s) = mu(s) / s and phi'(s) / s, both finite at s = 0.
-struct Quotient {
-  double phi = 0, slope = 0;
-};
+using Quotient = FrictionQuotient;
 
 Quotient quotient(const FrictionCurve& c, double s) {
   const double more = c.static_coefficient - c.dynamic_coefficient;
@@ -138,6 +135,35 @@ class LoadFunction final : public StateFunction {
   VectorFunctionPtr force_, moment_;
 };
 
+class OffsetFunction final : public CompositeFunction {
+ public:
+  OffsetFunction(StateFunctionPtr y, double offset) : CompositeFunction({std::move(y)}), offset_(offset) {}
+  [[nodiscard]] double value(const StateView& s) const override { return offset_ + parts()[0]->value(s); }
+
+ protected:
+  void add_gradient(const StateView& s, StateGradient& out) const override { add_part(s, 0, 1, out); }
+
+ private:
+  double offset_;
+};
+
+class RowLoadFunction final : public StateFunction {
+ public:
+  RowLoadFunction(Index row, double factor, double preload) : factor_(factor), preload_(preload) {
+    multipliers_.push_back(row);
+  }
+  [[nodiscard]] double value(const StateView& s) const override { return preload_ + factor_ * std::abs(lambda(s)); }
+
+ protected:
+  void add_gradient(const StateView& s, StateGradient& out) const override {
+    out.lambda[0] += lambda(s) < 0 ? -factor_ : factor_;
+  }
+
+ private:
+  [[nodiscard]] double lambda(const StateView& s) const { return s.lambda[static_cast<std::size_t>(multipliers_[0])]; }
+  double factor_, preload_;
+};
+
 class ScaledFunction final : public CompositeFunction {
  public:
   ScaledFunction(StateFunctionPtr y, double factor) : CompositeFunction({std::move(y)}), factor_(factor) {}
@@ -154,6 +180,25 @@ class ScaledFunction final : public CompositeFunction {
 
 StateFunctionPtr friction_load(const Joint& joint, const FrictionLoad& load) {
   return std::make_shared<LoadFunction>(joint, load);
+}
+
+StateFunctionPtr friction_load_of_force(const Joint& joint, double preload) {
+  constexpr int kNorm = 3;
+  return std::make_shared<OffsetFunction>(component_of(reaction_of(joint, 1, false), kNorm), preload);
+}
+
+StateFunctionPtr friction_load_of_row(const Joint& joint, std::size_t row, double factor, double preload) {
+  return std::make_shared<RowLoadFunction>(joint.placement().c + static_cast<Index>(row), factor, preload);
+}
+
+FrictionQuotient friction_quotient(const FrictionCurve& curve, double s) { return quotient(curve, s); }
+
+FrictionCurve checked_curve(const FrictionCurve& curve) {
+  if (!(curve.slip_speed > 0 && curve.stribeck_speed > 0))
+    throw std::invalid_argument("friction needs positive speeds and a positive radius");
+  if (!(curve.dynamic_coefficient >= 0 && curve.static_coefficient >= 0))
+    throw std::invalid_argument("coefficients of friction must not be negative");
+  return reaching(curve);
 }
 
 std::unique_ptr<CoordinateLaw> friction_law(const FrictionLaw& law) {

@@ -17,6 +17,15 @@ struct FrictionCurve {
   double stribeck_speed = 1, slip_speed = 1;
 };
 
+/// mu(s) / s and its derivative over s, both finite at s = 0.
+struct FrictionQuotient {
+  double phi = 0, slope = 0;
+};
+[[nodiscard]] FrictionQuotient friction_quotient(const FrictionCurve& curve, double s);
+/// The curve with its `a` for the static coefficient. @throws std::invalid_argument where speeds are not positive, or a
+/// coefficient is negative
+[[nodiscard]] FrictionCurve checked_curve(const FrictionCurve& curve);
+
 /// What presses the surfaces together, from force F and moment M of a joint on its frame B and the axis z of its frame
 /// A: N = preload + radial |F - z z.F| + axial |z.F| + bending |M - z z.M| + torsion |z.M|. The weights take lever arms
 /// into account (bending, torsion: one over a length).
@@ -26,6 +35,11 @@ struct FrictionLoad {
 
 /// N as a number of the state. The joint must outlive it.
 [[nodiscard]] StateFunctionPtr friction_load(const Joint& joint, const FrictionLoad& load);
+
+/// preload + |F|, F the force of the joint on its frame B.
+[[nodiscard]] StateFunctionPtr friction_load_of_force(const Joint& joint, double preload);
+/// preload + factor |lambda|, lambda the multiplier of a row.
+[[nodiscard]] StateFunctionPtr friction_load_of_row(const Joint& joint, std::size_t row, double factor, double preload);
 
 /// Friction along a relative coordinate g whose slip speed is u = radius g' (radius 1: a displacement):
 ///   s = radius N mu(|slip|) u / |slip| + viscous g'

@@ -86,12 +86,12 @@ class ReactionFunction final : public VectorFunction {
         if (term.a != f_ && term.b != f_) continue;
         const int place = row_ + (term.b == f_ ? 6 : 0);
         const FrameMotion a = joint_.frame_motion(s.q, {}, term.a), b = joint_.frame_motion(s.q, {}, term.b);
-        evaluate(term.kind, term.i, term.j, a, b, false, value);
+        evaluate(term, a, b, false, value);
         const Vec3 c = term.factor * Eigen::Map<const Vec12>(value.c.data()).segment<3>(place);
         out.lambda.col(static_cast<Eigen::Index>(r)) -= c;
         sum -= lambda * c;
         Mat12 k = Mat12::Zero();
-        add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
+        add_curvature(term, a, b, lambda * term.factor, k);
         add_columns(term.a, s.q, k.block<3, 6>(place, 0), out);
         add_columns(term.b, s.q, k.block<3, 6>(place, 6), out);
       }
@@ -195,7 +195,7 @@ class RelativeFunction final : public StateFunction {
     FrameMotion a, b;
     const RelativeValue g = evaluated(s, a, b);
     if (what_.rate) return Eigen::Map<const Vec12>(g.c.data()).dot(twist(a, b));
-    return what_.turns != nullptr && what_.kind == Relative::angle ? what_.turns->unwrapped(g.value, s.t) : g.value;
+    return what_.turns != nullptr && what_.coordinate.turns() ? what_.turns->unwrapped(g.value, s.t) : g.value;
   }
 
  protected:
@@ -204,7 +204,7 @@ class RelativeFunction final : public StateFunction {
     const RelativeValue g = evaluated(s, a, b);
     const Eigen::Map<const Vec12> c(g.c.data());
     Mat12 curvature = Mat12::Zero();
-    if (what_.rate) add_curvature(what_.kind, what_.axis, 0, a, b, 1.0, curvature);
+    if (what_.rate) add_curvature(what_.coordinate, a, b, 1.0, curvature);
     const Vec12 turn = curvature.transpose() * twist(a, b);
     std::size_t at = 0;
     for (const auto& [frame, block] : {std::pair{what_.a, 0}, std::pair{what_.b, 6}}) {
@@ -222,7 +222,7 @@ class RelativeFunction final : public StateFunction {
     what_.a->motion(s.q, s.v, a);
     what_.b->motion(s.q, s.v, b);
     RelativeValue g;
-    evaluate(what_.kind, what_.axis, 0, a, b, false, g);
+    evaluate(what_.coordinate, a, b, false, g);
     return g;
   }
   static Vec12 twist(const FrameMotion& a, const FrameMotion& b) {

@@ -46,8 +46,7 @@ enum class Motion { position, velocity, rotation, angular_velocity };
 struct RelativeQuantity {
   const Frame* a = nullptr;
   const Frame* b = nullptr;
-  Relative kind = Relative::distance;
-  int axis = 0;
+  PairCoordinate coordinate;
   const TurnCounter* turns = nullptr;  ///< of an angle: who counts its turns; null: in (-pi, pi]
   bool rate = false;
 };

@@ -15,13 +15,19 @@ namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
-void evaluate_term(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, bool rates,
-                   RelativeValue& out) {
-  if (!term.rolling) return evaluate(term.kind, term.i, term.j, a, b, rates, out);
+}  // namespace
+
+void evaluate(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out) {
+  if (term.plain()) return evaluate(term.kind, term.i, term.j, a, b, rates, out);
+  if (term.function) return term.function->evaluate(a, b, rates, out);
   evaluate(*term.rolling, static_cast<RollingDirection>(term.i), a, b, rates, out);
 }
 
-}  // namespace
+void add_curvature(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, double factor, Mat12& k) {
+  if (term.plain()) return add_curvature(term.kind, term.i, term.j, a, b, factor, k);
+  if (term.function) return term.function->add_curvature(a, b, factor, k);
+  add_curvature(*term.rolling, static_cast<RollingDirection>(term.i), a, b, factor, k);
+}
 
 Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Frame>> frames, std::vector<JointRow> rows)
     : Component(std::move(name)), kind_(std::move(kind)), rows_(std::move(rows)) {
@@ -35,12 +41,13 @@ Joint::Joint(std::string kind, std::string name, std::vector<std::unique_ptr<Fra
     offsets_.push_back(row.offset);
     driven_ = driven_ || row.driven;
     for (const JointRow::Term& term : row.terms) {
-      counts_turns_ = counts_turns_ || (term.kind == Relative::angle && row.terms.size() > 1);
-      const bool rolls = term.rolling.has_value();
-      couples_translation = couples_translation || rolls || curves_in_translation(term.kind);
-      couples_rotation = couples_rotation || rolls || term.kind == Relative::dot || term.kind == Relative::angle;
-      const bool turns_a = rolls || (term.kind != Relative::global && term.kind != Relative::distance);
-      const bool turns_b = rolls || term.kind == Relative::dot || term.kind == Relative::angle;
+      counts_turns_ = counts_turns_ || (term.turns() && row.terms.size() > 1);
+      const bool apart = !term.plain();
+      const bool directions = term.kind == Relative::dot || term.kind == Relative::angle || term.kind == Relative::bend;
+      couples_translation = couples_translation || apart || curves_in_translation(term.kind);
+      couples_rotation = couples_rotation || apart || directions;
+      const bool turns_a = apart || (term.kind != Relative::global && term.kind != Relative::distance);
+      const bool turns_b = term.rolling || (term.function ? term.function->turns_b() : directions);
       if ((turns_a && !frames_.at(at(term.a)).frame->has_rotation()) ||
           (turns_b && !frames_.at(at(term.b)).frame->has_rotation())) {
         throw std::invalid_argument(
@@ -113,7 +120,7 @@ void Joint::bind_rigid_pair(const SparsePattern& w) {
   if (!a || !b || (b->side.v >= 0 && a->side.v >= b->side.v)) return;
   std::vector<RigidPair::Row> rows;
   for (const JointRow& row : rows_) {
-    if (row.terms.size() != 1 || row.measure_offset || row.terms.front().rolling) return;
+    if (row.terms.size() != 1 || row.measure_offset || !row.terms.front().plain()) return;
     const JointRow::Term& term = row.terms.front();
     if (!RigidPair::knows(term.kind) || term.factor != 1 || term.a != 0 || term.b != 1) return;
     const bool global = term.kind == Relative::global;
@@ -138,6 +145,8 @@ TurnCounter Joint::followed(const JointRow::Term& term, TurnCounter turns, doubl
   double rate = 0;
   for (Eigen::Index i = 0; i < 3; ++i)
     rate += angle.c[at(3 + static_cast<int>(i))] * a.omega[i] + angle.c[at(9 + static_cast<int>(i))] * b.omega[i];
+  for (Eigen::Index i = 0; term.kind == Relative::polar && i < 3; ++i)
+    rate += angle.c[at(static_cast<int>(i))] * a.vel[i] + angle.c[at(6 + static_cast<int>(i))] * b.vel[i];
   turns.accept(angle.value, rate, t);
   return turns;
 }
@@ -148,12 +157,13 @@ void Joint::branches(const StateView& s, Branches& out) const {
 }
 
 void Joint::accept(const StateView& s) {
-  if (!counts_turns_ && !spin_) return;
+  if (!counts_turns_ && !spin_ && !memory_) return;
   evaluate_frames(s.q, s.v);
+  if (memory_) memory_->accept(frames_[0].motion, frames_[1].motion);
   if (spin_) spin_ = followed({Relative::angle}, *spin_, s.t);
   for (std::size_t r = 0; counts_turns_ && r < rows_.size(); ++r) {
     for (std::size_t k = 0; k < rows_[r].terms.size(); ++k) {
-      if (rows_[r].terms[k].kind == Relative::angle) turns_[r][k] = followed(rows_[r].terms[k], turns_[r][k], s.t);
+      if (rows_[r].terms[k].turns()) turns_[r][k] = followed(rows_[r].terms[k], turns_[r][k], s.t);
     }
   }
 }
@@ -162,8 +172,8 @@ void Joint::accept(const StateView& s) {
 void Joint::add_term(std::size_t r, std::size_t k, bool rates, RelativeValue& value, Sum& sum) const {
   const JointRow::Term& term = rows_[r].terms[k];
   const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
-  evaluate_term(term, a, b, rates, value);
-  const bool counted = term.kind == Relative::angle && rows_[r].terms.size() > 1;
+  evaluate(term, a, b, rates, value);
+  const bool counted = term.turns() && rows_[r].terms.size() > 1;
   sum.phi += term.factor * (counted ? turns_[r][k].unwrapped(value.value, sum.t) : value.value);
   if (!rates) return;
   const Row12& c = value.c;
@@ -229,13 +239,13 @@ void Joint::general_constraints(double t, ConstSpan q, ConstSpan v, const Constr
     }
     double phi = sum.phi;
     if (row.measure_offset) {
-      offsets_[r] = phi;
+      offsets_[r] += phi;  // of the sum alone, whatever it was before
       row.measure_offset = false;
       phi = 0;
     }
     if (row.driven) phi -= row.function.value(t);
     // A driven angle means the same angle plus any number of turns.
-    if (row.terms.size() == 1 && row.terms[0].kind == Relative::angle) phi -= kTwoPi * std::round(phi / kTwoPi);
+    if (row.terms.size() == 1 && row.terms[0].turns()) phi -= kTwoPi * std::round(phi / kTwoPi);
     if (!out.phi.empty()) out.phi[global] = row.of_velocity ? 0 : phi;
     if (!out.nu.empty()) out.nu[global] = row.driven ? row.function.rate(t) : 0.0;
     if (rates) out.gamma[global] = (row.driven ? row.function.acceleration(t) : 0.0) - sum.curvature;
@@ -269,12 +279,9 @@ FrameBlocks::Derivatives Joint::derivatives(const StateView& s, double weight) c
     if (lambda == 0) continue;
     for (const JointRow::Term& term : rows_[r].terms) {
       const FrameMotion &a = frames_[at(term.a)].motion, &b = frames_[at(term.b)].motion;
-      evaluate_term(term, a, b, false, value);
+      evaluate(term, a, b, false, value);
       Mat12 k = Mat12::Zero();
-      if (term.rolling)
-        add_curvature(*term.rolling, static_cast<RollingDirection>(term.i), a, b, lambda * term.factor, k);
-      else
-        add_curvature(term.kind, term.i, term.j, a, b, lambda * term.factor, k);
+      add_curvature(term, a, b, lambda * term.factor, k);
       for (const auto& [p, bp] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}}) {
         sum.wrench.segment<6>(p) += lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + bp);
         for (const auto& [g, bg] : {std::pair{6 * term.a, 0}, std::pair{6 * term.b, 6}})
@@ -303,6 +310,7 @@ void Joint::save(std::vector<double>& out) const {
     for (const TurnCounter& turns : turns_[r]) turns.save(out);
   }
   if (spin_) spin_->save(out);
+  if (memory_) memory_->save(out);
 }
 
 void Joint::restore(ConstSpan& in) {
@@ -314,6 +322,13 @@ void Joint::restore(ConstSpan& in) {
     for (TurnCounter& turns : turns_[r]) turns.restore(in);
   }
   if (spin_) spin_->restore(in);
+  if (memory_) memory_->restore(in);
+}
+
+const PairCoordinate* Joint::motion(std::string_view value) const {
+  for (const JointMotion& motion : motions_)
+    if (motion.value == value) return &motion.coordinate;
+  return nullptr;
 }
 
 FrameMotion Joint::frame_motion(ConstSpan q, ConstSpan v, int f) const {
@@ -330,7 +345,7 @@ Wrench Joint::reaction(const StateView& s, int f) const {
     for (const JointRow::Term& term : rows_[r].terms) {
       if (term.a != f && term.b != f) continue;
       const FrameMotion a = frame_motion(s.q, {}, term.a), b = frame_motion(s.q, {}, term.b);
-      evaluate_term(term, a, b, false, value);
+      evaluate(term, a, b, false, value);
       sum -= lambda * term.factor * Eigen::Map<const Vec6>(value.c.data() + (term.b == f ? 6 : 0));
     }
   }
@@ -340,7 +355,7 @@ Wrench Joint::reaction(const StateView& s, int f) const {
 double Joint::coordinate(ConstSpan q, int row) const {
   const JointRow::Term& term = rows_.at(at(row)).terms.at(0);
   RelativeValue value;
-  evaluate_term(term, frame_motion(q, {}, term.a), frame_motion(q, {}, term.b), false, value);
+  evaluate(term, frame_motion(q, {}, term.a), frame_motion(q, {}, term.b), false, value);
   return value.value;
 }
 

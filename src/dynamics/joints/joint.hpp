@@ -5,9 +5,12 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "dynamics/dae/frame_blocks.hpp"
+#include "dynamics/joints/pair_function.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/joints/rigid_pair.hpp"
 #include "dynamics/joints/rolling.hpp"
@@ -24,6 +27,10 @@ struct JointRow {
     int a = 0, b = 1;  ///< frames of the joint
     double factor = 1;
     std::optional<RollingShape> rolling{};  ///< its coordinate in the direction i, instead of `kind`
+    PairFunctionPtr function{};             ///< likewise
+    [[nodiscard]] bool plain() const { return !rolling && !function; }
+    /// Known up to whole turns.
+    [[nodiscard]] bool turns() const { return plain() && is_angle(kind); }
   };
   std::string label;  ///< for people: "rotation about y"
   std::vector<Term> terms;
@@ -32,6 +39,27 @@ struct JointRow {
   bool driven = false;          ///< function is in use
   bool measure_offset = false;  ///< take the value at the first evaluation as the offset
   bool of_velocity = false;     ///< it holds for the rates of the terms alone: non-holonomic
+};
+
+/// Of a term, whatever it is made of.
+void evaluate(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out);
+void add_curvature(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, double factor, Mat12& k);
+
+/// What the functions of a joint remember of the last accepted state.
+class PairMemory {
+ public:
+  virtual ~PairMemory() = default;
+  virtual void accept(const FrameMotion& a, const FrameMotion& b) = 0;
+  virtual void save(std::vector<double>& out) const = 0;
+  /// @throws Error(invalid_input) if the numbers end too early
+  virtual void restore(ConstSpan& in) = 0;
+};
+
+/// A coordinate in which a joint of two frames moves, with the names of its value and rate.
+struct JointMotion {
+  const char* value = "";
+  const char* rate = "";
+  PairCoordinate coordinate;
 };
 
 /// The force and moment that a joint exerts on a frame, at the frame's origin, in global axes.
@@ -52,6 +80,16 @@ class Joint final : public Component, public Switching {
   void count_turns() { spin_.emplace(); }
   /// Of that angle; none where nobody follows it.
   [[nodiscard]] const std::optional<TurnCounter>& spin() const { return spin_; }
+  /// Further coordinates that are quantities, and that limits act on.
+  void add_motion(JointMotion motion) { motions_.push_back(std::move(motion)); }
+  [[nodiscard]] const std::vector<JointMotion>& motions() const { return motions_; }
+  /// The coordinate of that name; none: it has no such one.
+  [[nodiscard]] const PairCoordinate* motion(std::string_view value) const;
+  /// Gives the multiplier of a row a name among the quantities: a force, positive where it pulls its coordinate down.
+  void name_row_force(const char* word, std::size_t row) { row_forces_.emplace_back(word, row); }
+  [[nodiscard]] const std::vector<std::pair<const char*, std::size_t>>& row_forces() const { return row_forces_; }
+  /// Of its first two frames.
+  void remember(std::shared_ptr<PairMemory> memory) { memory_ = std::move(memory); }
   [[nodiscard]] const std::vector<JointRow>& rows() const { return rows_; }
   /// Takes the present value of driven rows, distances and couplings as the one to go on from: of joints that are
   /// switched on in mid-motion and count from where they begin.
@@ -107,6 +145,9 @@ class Joint final : public Component, public Switching {
   std::vector<std::vector<TurnCounter>> turns_;  // rows x terms: of the angles that couplings add
   bool counts_turns_ = false;                    // some row adds angles
   std::optional<TurnCounter> spin_;
+  std::vector<JointMotion> motions_;
+  std::vector<std::pair<const char*, std::size_t>> row_forces_;
+  std::shared_ptr<PairMemory> memory_;
   FrameBlocks blocks_;                             // its part of W
   std::vector<double> gradients_;                  // frames x rows x 6: of every equation by the motion of every frame
   std::size_t phi_q_begin_ = 0, phi_q_count_ = 0;  // its rows of Phi_q
@@ -146,6 +187,40 @@ using FramePtr = std::unique_ptr<Frame>;
                                                 double ratio);
 /// Frame B stays on the plane z = 0 of frame A and rolls there without slip; an edge glides along itself.
 [[nodiscard]] std::unique_ptr<Joint> rolling_joint(std::string name, FramePtr a, FramePtr b, const RollingShape& shape);
+// Joints with an axis that moves, each in a file of its own name.
+/// Along the axis by `lead` for every turn about it, right-handed where that is positive (from the first evaluation
+/// on).
+[[nodiscard]] std::unique_ptr<Joint> screw_joint(std::string name, FramePtr a, FramePtr b, double lead);
+/// Origins coincide, and B turns against A about axes across z_A alone, up to its own turn: with z the shafts, both
+/// turn at one speed whatever their bend. At the start the frames must not be turned against each other about their
+/// shafts.
+[[nodiscard]] std::unique_ptr<Joint> constant_velocity_joint(std::string name, FramePtr a, FramePtr b);
+/// z_B stays parallel to z_A.
+[[nodiscard]] std::unique_ptr<Joint> parallel_axes_joint(std::string name, FramePtr a, FramePtr b);
+/// The origin of B stays in the plane z_A = 0.
+[[nodiscard]] std::unique_ptr<Joint> in_plane_joint(std::string name, FramePtr a, FramePtr b);
+/// Two wheels with parallel axes z and centres at the origins, wherever these move: radius_a and radius_b in proportion
+/// to the numbers of teeth, negative for a wheel with inner teeth. The force acts where the pitch circles touch, along
+/// them.
+[[nodiscard]] std::unique_ptr<Joint> gear_pair(std::string name, FramePtr a, FramePtr b, double radius_a,
+                                               double radius_b);
+/// A rack along z_A and a pinion about z_B, perpendicular to it, with its centre at the origin of B, wherever they
+/// move. The force acts along z_A at the pitch point, `radius` from the centre in the direction of z_A x z_B, or, where
+/// it is negative, in the other one.
+[[nodiscard]] std::unique_ptr<Joint> rack_pair(std::string name, FramePtr a, FramePtr b, double radius);
+/// A worm about z_A, and a wheel as the pinion of rack_pair().
+struct WormShape {
+  double lead = 0;         ///< of the thread for a turn of the worm; positive: right-handed
+  double radius = 0;       ///< pitch radius of the wheel, with the sign of rack_pair()
+  double worm_radius = 0;  ///< pitch radius of the worm (> 0)
+  [[nodiscard]] double lead_angle() const;
+};
+[[nodiscard]] std::unique_ptr<Joint> worm_joint(std::string name, FramePtr a, FramePtr b, const WormShape& shape);
+/// How far the wheel's tooth has slid along the thread, up to a constant and whole turns.
+[[nodiscard]] PairFunctionPtr worm_slip(const WormShape& shape);
+/// A cable without mass and stretch from the origin of the first frame through those of the others to the last one: the
+/// sum of the distances is `length`.
+[[nodiscard]] std::unique_ptr<Joint> cable_joint(std::string name, std::vector<FramePtr> frames, double length);
 /// Rack and pinion: displacement of D along z_C = radius * angle of B about z_A + const (as at the first evaluation).
 [[nodiscard]] std::unique_ptr<Joint> rack_and_pinion(std::string name, FramePtr a, FramePtr b, FramePtr c, FramePtr d,
                                                      double radius);

@@ -2,55 +2,24 @@
 #include <stdexcept>
 
 #include "dynamics/joints/joint.hpp"
+#include "dynamics/joints/rows.hpp"
 
 namespace espalier::dynamics {
 
 namespace {
 
-JointRow row(std::string label, JointRow::Term term, double offset = 0) {
-  JointRow r;
-  r.label = std::move(label);
-  r.terms = {term};
-  r.offset = offset;
-  return r;
-}
+using joint_rows::add_coincidence, joint_rows::add_parallel, joint_rows::counted, joint_rows::make, joint_rows::row;
 
 JointRow driven(std::string label, JointRow::Term term, TimeFunction f) {
-  JointRow r = row(std::move(label), term);
+  JointRow r = row(std::move(label), std::move(term));
   r.function = std::move(f);
   r.driven = true;
   return r;
 }
 
-constexpr JointRow::Term kAlongX{Relative::along, 0}, kAlongY{Relative::along, 1}, kAlongZ{Relative::along, 2};
-
-// Origins coincide: three equations in global axes, which have constant gradients at the frames.
-void add_coincidence(std::vector<JointRow>& rows) {
-  for (const int i : {0, 1, 2}) {
-    rows.push_back(row(std::string("translation along global ") + "xyz" [i], { Relative::global, i }));
-  }
-}
-
-// z axes parallel: x_A . z_B = 0 stops the rotation about y, y_A . z_B = 0 the one about x.
-void add_parallel(std::vector<JointRow>& rows) {
-  rows.push_back(row("rotation about y", {Relative::dot, 0, 2}));
-  rows.push_back(row("rotation about x", {Relative::dot, 1, 2}));
-}
+JointRow::Term along(int axis) { return {Relative::along, axis}; }
 
 void add_no_spin(std::vector<JointRow>& rows) { rows.push_back(row("rotation about z", {Relative::dot, 0, 1})); }
-
-std::unique_ptr<Joint> make(const char* kind, std::string name, FramePtr a, FramePtr b, std::vector<JointRow> rows) {
-  std::vector<FramePtr> frames;
-  frames.push_back(std::move(a));
-  frames.push_back(std::move(b));
-  return std::make_unique<Joint>(kind, std::move(name), std::move(frames), std::move(rows));
-}
-
-/// Joints about whose z axis something turns: the angle is a quantity, with its turns.
-std::unique_ptr<Joint> counted(std::unique_ptr<Joint> joint) {
-  joint->count_turns();
-  return joint;
-}
 
 void check_length(double length, const char* kind, const std::string& name) {
   if (!(length > 0)) {
@@ -90,27 +59,29 @@ std::unique_ptr<Joint> universal_joint(std::string name, FramePtr a, FramePtr b)
 }
 
 std::unique_ptr<Joint> cylindrical_joint(std::string name, FramePtr a, FramePtr b) {
-  std::vector<JointRow> rows = {row("translation along x", kAlongX), row("translation along y", kAlongY)};
+  std::vector<JointRow> rows = {row("translation along x", along(0)), row("translation along y", along(1))};
   add_parallel(rows);
   return counted(make("cylindrical", std::move(name), std::move(a), std::move(b), std::move(rows)));
 }
 
 std::unique_ptr<Joint> prismatic_joint(std::string name, FramePtr a, FramePtr b) {
-  std::vector<JointRow> rows = {row("translation along x", kAlongX), row("translation along y", kAlongY)};
+  std::vector<JointRow> rows = {row("translation along x", along(0)), row("translation along y", along(1))};
   add_parallel(rows);
   add_no_spin(rows);
   return make("prismatic", std::move(name), std::move(a), std::move(b), std::move(rows));
 }
 
 std::unique_ptr<Joint> planar_joint(std::string name, FramePtr a, FramePtr b) {
-  std::vector<JointRow> rows = {row("translation along z", kAlongZ)};
+  std::vector<JointRow> rows = {row("translation along z", along(2))};
   add_parallel(rows);
   return counted(make("planar", std::move(name), std::move(a), std::move(b), std::move(rows)));
 }
 
 std::unique_ptr<Joint> point_on_line(std::string name, FramePtr a, FramePtr b) {
-  return make("point on line", std::move(name), std::move(a), std::move(b),
-              {row("translation along x", kAlongX), row("translation along y", kAlongY)});
+  auto joint = make("point on line", std::move(name), std::move(a), std::move(b),
+                    {row("translation along x", along(0)), row("translation along y", along(1))});
+  joint->add_motion({"displacement", "speed", {Relative::along, 2}});
+  return joint;
 }
 
 std::unique_ptr<Joint> distance_joint(std::string name, FramePtr a, FramePtr b, double length) {
@@ -121,7 +92,7 @@ std::unique_ptr<Joint> distance_joint(std::string name, FramePtr a, FramePtr b, 
 std::unique_ptr<Joint> revolute_spherical_joint(std::string name, FramePtr a, FramePtr b, double length) {
   check_length(length, "revolute-spherical", name);
   return make("revolute-spherical", std::move(name), std::move(a), std::move(b),
-              {row("distance", {Relative::distance}, length), row("translation along z", kAlongZ)});
+              {row("distance", {Relative::distance}, length), row("translation along z", along(2))});
 }
 
 std::unique_ptr<Joint> rotation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f) {
@@ -131,7 +102,7 @@ std::unique_ptr<Joint> rotation_motor(std::string name, FramePtr a, FramePtr b, 
 
 std::unique_ptr<Joint> translation_motor(std::string name, FramePtr a, FramePtr b, TimeFunction f) {
   return make("translation motor", std::move(name), std::move(a), std::move(b),
-              {driven("translation along z", kAlongZ, std::move(f))});
+              {driven("translation along z", along(2), std::move(f))});
 }
 
 std::unique_ptr<Joint> prescribed_coordinate(std::string name, FramePtr a, FramePtr b, int axis, TimeFunction f) {

@@ -17,8 +17,12 @@ enum class Relative {
   along,     ///< d . a_i, a_i the i-th axis of frame A
   dot,       ///< a_i . b_j
   distance,  ///< |d|
-  angle,     ///< angle about z_A from x_A to x_B (the part of x_B in the plane), in (-pi, pi]
+  angle,     ///< angle about z_A from x_A to b_j (the part of b_j in the plane), in (-pi, pi]; j = 0: x_B
+  polar,     ///< angle about z_A from x_A to d, likewise: where the origin of B stands round the axis of A
+  bend,      ///< angle between z_A and z_B, in [0, pi]; without a gradient where they are parallel, and zero is taken
 };
+/// Known up to whole turns.
+[[nodiscard]] constexpr bool is_angle(Relative kind) { return kind == Relative::angle || kind == Relative::polar; }
 
 /// Value, gradient and rate part of a relative coordinate g. The gradient belongs to the twist increments
 /// [dr_A, dphi_A, dr_B, dphi_B] (global axes); g' = c w and g'' = c w' + curvature, w the twists.
@@ -29,7 +33,8 @@ struct RelativeValue {
 };
 
 /// Evaluates value and gradient, and the curvature where the motions contain velocities.
-/// @throws espalier::Error where the function has no gradient (distance zero, axis perpendicular for `angle`)
+/// @throws espalier::Error where the function has no gradient (distance zero, axis perpendicular for `angle`, origin of
+/// B on the axis for `polar`)
 void evaluate(Relative kind, int i, int j, const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out);
 
 /// k += factor * dc/d[dr_A, dphi_A, dr_B, dphi_B] (row: entry of c; not symmetric, because rotations do not commute).

@@ -10,6 +10,7 @@
 #include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/hold_joint.hpp"
 #include "dynamics/model/joint_frames.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/reach.hpp"
 
 namespace espalier::dynamics::model {
@@ -52,7 +53,7 @@ class Builder {
     const auto check = [&](const auto& what, const char* noun) {
       for (std::size_t k = 0; k < what.frames.size(); ++k)
         reach.check(frames_.initial_motion(what.frames[k]).r, what.place,
-                    fmt::format("frame {} of the {} '{}'", "abcd"[k], noun, what.name));
+                    fmt::format("frame {} of the {} '{}'", static_cast<char>('a' + k), noun, what.name));
     };
     for (const JointSpec& joint : model_.joints) at_place(joint.place, [&] { check(joint, "joint"); });
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { check(force, "force"); });
@@ -97,16 +98,21 @@ class Builder {
   }
 
   TimeFunction motion(const JointSpec& j, Relative kind, int axis) {
-    TimeFunction f = motion_of_text(j, kind, axis);
+    return motion(j, j.relative ? measure(kind, axis, j.frames) : 0);
+  }
+
+  /// @param initial  value of its coordinate; used where the text counts from there
+  TimeFunction motion(const JointSpec& j, double initial) {
+    TimeFunction f = motion_of_text(j, initial);
     if (const auto drive = out_.drives.find(j.name); drive != out_.drives.end())
       f.value = [g = f.value, more = drive->second](double t) { return g(t) + *more; };
     return f;
   }
 
-  TimeFunction motion_of_text(const JointSpec& j, Relative kind, int axis) {
+  TimeFunction motion_of_text(const JointSpec& j, double initial) {
     TimeFunction f = j.function->function(j.place.text());
     if (!j.relative) return f;
-    const double start = measure(kind, axis, j.frames) - j.function->value(model_.integrator.start);
+    const double start = initial - j.function->value(model_.integrator.start);
     f.value = [g = f.value, start](double t) { return start + g(t); };
     return f;
   }
@@ -126,6 +132,9 @@ class Builder {
     } else {
       for (const MarkerSpec& marker : j.frames) f.push_back(frames_.make(marker));
     }
+    if (const JointKind* kind = joint_kind(j.type))
+      return kind->make(j, std::move(f),
+                        start_of(j.frames, frames_, [&](double initial) { return motion(j, initial); }));
     switch (j.type) {
       case JointType::fixed:
         return fixed_joint(j.name, std::move(f[0]), std::move(f[1]));
@@ -161,6 +170,8 @@ class Builder {
       case JointType::rolling:
       case JointType::skate:
         return rolling_joint(j.name, std::move(f[0]), std::move(f[1]), j.rolling);
+      default:
+        break;
     }
     throw std::logic_error("a type of joint is missing in the builder");
   }
@@ -195,6 +206,10 @@ class Builder {
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
+    } else if (given.type == ForceType::cable) {
+      const ForceSpec f = completed(given, frames_, out_);
+      for (const MarkerSpec& marker : f.frames) hold_rigidly(marker, frames_, out_);
+      out_.cables.push_back(&out_.system.add(make_cable_force(f, frames_)));
     } else {
       const ForceSpec f = completed(given, frames_, out_);
       for (const MarkerSpec& marker : f.frames) hold_rigidly(marker, frames_, out_);
@@ -278,6 +293,7 @@ class Builder {
         law.both_sides = f.both_sides;
         return guide(f.name, std::move(a), std::move(b), law);
       }
+      case ForceType::cable:
       case ForceType::pressure:
         break;
     }
@@ -309,6 +325,12 @@ Joint* Mechanism::joint(const std::string& name) const {
 FacePressure* Mechanism::pressure(const std::string& name) const {
   for (FacePressure* p : pressures)
     if (p->name() == name) return p;
+  return nullptr;
+}
+
+CableForce* Mechanism::cable(const std::string& name) const {
+  for (CableForce* c : cables)
+    if (c->name() == name) return c;
   return nullptr;
 }
 

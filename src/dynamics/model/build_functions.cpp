@@ -2,11 +2,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <stdexcept>
 
+#include "dynamics/forces/sliding_friction.hpp"
+#include "dynamics/joints/surface_shape.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/functions.hpp"
+#include "dynamics/model/joint_kinds/freedom.hpp"
+#include "dynamics/model/joint_kinds/wheels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -103,6 +108,7 @@ class FunctionBuilder {
   }
 
   void need_force(const ForceSpec& spec) {
+    if (spec.type == ForceType::cable) return;  // it depends on its frames alone
     if (std::find(done_.begin(), done_.end(), spec.name) != done_.end()) return;
     const Asking asking(way_, spec.name, spec.place);
     std::vector<StateFunctionPtr> inputs;
@@ -138,29 +144,55 @@ class FunctionBuilder {
   std::vector<std::string> way_, done_;
 };
 
+/// Where limits and friction of a joint act, beside the plain displacement and angle.
+PairCoordinate coordinate_of_joint(const Joint& joint, std::string_view name, const PairCoordinate& otherwise) {
+  const PairCoordinate* own = joint.motion(name);
+  return own != nullptr ? *own : otherwise;
+}
+
+PairCoordinate slide_along_z() { return {Relative::along, 2}; }
+PairCoordinate turn_about_z() { return {Relative::angle, 2}; }
+
+StateFunctionPtr friction_load_of(const JointSpec& spec, const Joint& joint, const JointStart& start) {
+  const FrictionSpec& f = *spec.friction;
+  if (joint_freedom(spec.type).whole_force) return friction_load_of_force(joint, f.load.preload);
+  if (spec.type != JointType::worm) return friction_load(joint, f.load);
+  return friction_load_of_row(joint, 0, 1 / std::cos(worm_shape(spec, start).lead_angle()), f.load.preload);
+}
+
 void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
   const FrictionSpec& f = *spec.friction;
-  const bool turns = spec.type != JointType::prismatic, slides = spec.type != JointType::revolute;
-  const StateFunctionPtr load = friction_load(joint, f.load);
-  const auto rate = [&](Relative kind, double radius) {
-    return scaled(relative_quantity({&joint.frame(0), &joint.frame(1), kind, 2, nullptr, true}), radius);
+  const JointFreedom freedom = joint_freedom(spec.type);
+  const JointStart start = start_of(spec.frames, frames);
+  const StateFunctionPtr load = friction_load_of(spec, joint, start);
+  JointContacts& contacts = out.contacts[spec.name];
+  if (freedom.surface) {
+    auto force = sliding_friction(spec.name + " friction", frames.make(spec.frames[0]), frames.make(spec.frames[1]),
+                                  spec.surface ? spec.surface : plane_surface(), f.curve, f.viscous);
+    force->set_inputs({load});
+    contacts.sliding = &out.system.add(std::move(force));
+    return;
+  }
+  const auto rate = [&](const PairCoordinate& coordinate, double radius) {
+    return scaled(relative_quantity({&joint.frame(0), &joint.frame(1), coordinate, nullptr, true}), radius);
   };
-  const auto add = [&](const char* what, Relative kind, const FrictionLaw& law, std::vector<StateFunctionPtr> inputs) {
+  const auto add = [&](const char* what, const PairCoordinate& coordinate, const FrictionLaw& law,
+                       std::vector<StateFunctionPtr> inputs) {
     auto force = std::make_unique<CoordinateForce>(spec.name + " " + what, frames.make(spec.frames[0]),
-                                                   frames.make(spec.frames[1]), CoordinateForce::Coordinate{kind, 2},
-                                                   friction_law(law));
+                                                   frames.make(spec.frames[1]), coordinate, friction_law(law));
     force->set_inputs(std::move(inputs));
     return &out.system.add(std::move(force));
   };
-  JointContacts& contacts = out.contacts[spec.name];
+  PairCoordinate slide = coordinate_of_joint(joint, "displacement", slide_along_z());
+  if (spec.type == JointType::worm) slide.function = worm_slip(worm_shape(spec, start));
   std::vector<StateFunctionPtr> along = {load}, about = {load};
-  if (turns && slides) {
-    along.push_back(rate(Relative::angle, f.radius));
-    about.push_back(rate(Relative::along, 1));
+  if (freedom.turns && freedom.slides) {
+    along.push_back(rate(turn_about_z(), f.radius));
+    about.push_back(rate(slide_along_z(), 1));
   }
-  if (slides) contacts.friction = add("friction", Relative::along, {f.curve, 1, f.viscous}, along);
-  if (turns)
-    contacts.angle_friction = add("angular friction", Relative::angle, {f.curve, f.radius, f.angular_viscous}, about);
+  if (freedom.slides) contacts.friction = add("friction", slide, {f.curve, 1, f.viscous}, along);
+  if (freedom.turns)
+    contacts.angle_friction = add("angular friction", turn_about_z(), {f.curve, f.radius, f.angular_viscous}, about);
 }
 
 }  // namespace
@@ -168,13 +200,16 @@ void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& join
 void build_functions(const Description& model, Mechanism& out) { FunctionBuilder(model, out).run(); }
 
 void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
-  const auto add_stop = [&](const char* what, Relative kind, const StopLaw& law) {
+  const auto add_stop = [&](const char* what, const PairCoordinate& coordinate, const StopLaw& law) {
     return &out.system.add(std::make_unique<CoordinateForce>(spec.name + " " + what, frames.make(spec.frames[0]),
-                                                             frames.make(spec.frames[1]),
-                                                             CoordinateForce::Coordinate{kind, 2}, stop_law(law)));
+                                                             frames.make(spec.frames[1]), coordinate, stop_law(law)));
   };
-  if (spec.stop) out.contacts[spec.name].stop = add_stop("stop", Relative::along, *spec.stop);
-  if (spec.angle_stop) out.contacts[spec.name].angle_stop = add_stop("angular stop", Relative::angle, *spec.angle_stop);
+  if (spec.stop)
+    out.contacts[spec.name].stop =
+        add_stop("stop", coordinate_of_joint(joint, "displacement", slide_along_z()), *spec.stop);
+  if (spec.angle_stop)
+    out.contacts[spec.name].angle_stop =
+        add_stop("angular stop", coordinate_of_joint(joint, "bend_angle", turn_about_z()), *spec.angle_stop);
   if (spec.friction) add_friction(spec, frames, joint, out);
 }
 
@@ -192,8 +227,9 @@ void build_controls(const Description& model, Mechanism& out) {
     if (!switched(spec.name, spec.active)) continue;
     Switch s{spec.name, out.joint(spec.name), {}, nullptr, spec.active};
     if (const auto it = out.contacts.find(spec.name); it != out.contacts.end())
-      for (CoordinateForce* f :
-           {it->second.stop, it->second.angle_stop, it->second.friction, it->second.angle_friction})
+      for (FrameForce* f :
+           std::initializer_list<FrameForce*>{it->second.stop, it->second.angle_stop, it->second.friction,
+                                              it->second.angle_friction, it->second.sliding})
         if (f != nullptr) s.forces.push_back(f);
     controls->switches.push_back(std::move(s));
   }
@@ -201,6 +237,7 @@ void build_controls(const Description& model, Mechanism& out) {
     if (!switched(spec.name, spec.active)) continue;
     Switch s{spec.name, nullptr, {}, out.pressure(spec.name), spec.active};
     if (const BuiltForce* built = out.force(spec.name)) s.forces.push_back(built->force);
+    s.cable = out.cable(spec.name);
     controls->switches.push_back(std::move(s));
   }
   for (const ContactSpec& spec : model.contacts)

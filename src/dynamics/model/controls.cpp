@@ -20,6 +20,7 @@ void Controls::apply() {
   for (const Switch& s : switches) {
     for (FrameForce* force : s.forces) force->set_active(s.on);
     if (s.pressure != nullptr) s.pressure->set_active(s.on);
+    if (s.cable != nullptr) s.cable->set_active(s.on);
     for (contact::Contact* c : s.contacts) c->set_active(s.on);
   }
 }

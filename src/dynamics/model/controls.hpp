@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/contact/contact.hpp"
+#include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/forces/frame_force.hpp"
 
@@ -21,6 +22,7 @@ struct Switch {
   FacePressure* pressure = nullptr;
   bool on = true;
   std::vector<contact::Contact*> contacts = {};
+  CableForce* cable = nullptr;
 };
 
 /// A component without unknowns that keeps all of this, so that it goes into restart files.

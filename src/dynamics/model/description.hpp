@@ -32,6 +32,11 @@
 #include "dynamics/substructure/substructure.hpp"
 #include "espalier/harmonic.hpp"
 
+namespace espalier::dynamics {
+class PointFunction;
+class SpaceCurve;
+}  // namespace espalier::dynamics
+
 namespace espalier::dynamics::model {
 
 /// A function of quantities of the state, with its place in the text.
@@ -216,7 +221,19 @@ enum class JointType {
   gear,
   rack_and_pinion,
   rolling,
-  skate
+  skate,
+  // What these read and make: a row each in joint_kinds/kinds.cpp.
+  screw,
+  constant_velocity,
+  parallel_axes,
+  in_plane,
+  in_line,
+  point_on_curve,
+  point_on_surface,
+  gear_pair,
+  rack_pair,
+  worm,
+  cable
 };
 [[nodiscard]] const std::vector<std::string>& joint_type_names();
 
@@ -236,15 +253,20 @@ struct JointSpec {
   std::optional<StopLaw> stop, angle_stop;  ///< of displacement along and angle about z
   std::optional<FrictionSpec> friction;
   JointType type = JointType::fixed;
-  std::vector<MarkerSpec> frames;      ///< two, or four of gear and rack-and-pinion
-  double parameter = 0;                ///< length, ratio or radius
-  RollingShape rolling;                ///< of rolling and skate
-  bool measured = false;               ///< the length is the initial distance
-  int axis = 0;                        ///< of prescribed
-  std::optional<Expression> function;  ///< of motors
-  bool relative = false;               ///< the function is added to the initial value
-  bool pull = false;                   ///< frames that do not fit at the start are brought together
-  Attach attach = Attach::automatic;   ///< of its frames that do not say it themselves
+  std::vector<MarkerSpec> frames;                ///< two, or four of gear and rack-and-pinion, or those of a cable
+  double parameter = 0;                          ///< length, ratio, radius or lead
+  double radius = 0;                             ///< of a worm's wheel
+  std::array<double, 2> teeth{};                 ///< of a gear pair
+  int inner = -1;                                ///< which of its wheels, 0 or 1, has inner teeth; -1: none
+  std::shared_ptr<const SpaceCurve> curve;       ///< of point-on-curve
+  std::shared_ptr<const PointFunction> surface;  ///< of point-on-surface
+  RollingShape rolling;                          ///< of rolling and skate
+  bool measured = false;                         ///< the length is the initial distance
+  int axis = 0;                                  ///< of prescribed
+  std::optional<Expression> function;            ///< of motors
+  bool relative = false;                         ///< the function is added to the initial value
+  bool pull = false;                             ///< frames that do not fit at the start are brought together
+  Attach attach = Attach::automatic;             ///< of its frames that do not say it themselves
 };
 
 enum class ForceType {
@@ -256,7 +278,8 @@ enum class ForceType {
   pressure,
   guide,
   torque_motor,
-  force_motor
+  force_motor,
+  cable
 };
 [[nodiscard]] const std::vector<std::string>& force_type_names();
 
@@ -271,7 +294,7 @@ struct ForceSpec {
   std::string name;
   bool active = true;  ///< at the start
   ForceType type = ForceType::spring;
-  std::vector<MarkerSpec> frames;  ///< two; one of a load
+  std::vector<MarkerSpec> frames;  ///< two; one of a load; those of a cable
   // Springs; guide: stiffness and damping of the contact
   double stiffness = 0, damping = 0, rest = 0, preload = 0;
   bool measured = false;           ///< rest is the initial value

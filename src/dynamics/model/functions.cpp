@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/model/mechanism.hpp"
 
 namespace espalier::dynamics::model {
@@ -45,10 +46,17 @@ Offer of_joint(const Joint& joint, const JointContacts* contacts) {
   const auto relative = [&](const char* value, const char* rate, Relative kind, int axis, const TurnCounter* turns) {
     for (const bool r : {false, true})
       offer.scalars.emplace_back(r ? rate : value,
-                                 relative_quantity({&joint.frame(0), &joint.frame(1), kind, axis, turns, r}));
+                                 relative_quantity({&joint.frame(0), &joint.frame(1), {kind, axis}, turns, r}));
   };
   if (joint.spin()) relative("angle", "angular_speed", Relative::angle, 0, &*joint.spin());
   if (slides_along_z(joint)) relative("displacement", "speed", Relative::along, 2, nullptr);
+  for (const JointMotion& motion : joint.motions())
+    for (const bool r : {false, true})
+      offer.scalars.emplace_back(r ? motion.rate : motion.value,
+                                 relative_quantity({&joint.frame(0), &joint.frame(1), motion.coordinate, nullptr, r}));
+  for (const auto& [name, row] : joint.row_forces())
+    offer.scalars.emplace_back(
+        name, scaled(std::make_shared<RowForceFunction>(joint.placement().c + static_cast<Index>(row)), -1));
   for (std::size_t r = 0; r < joint.rows().size(); ++r) {
     static const char* const kNames[] = {"longitudinal_force", "lateral_force", "normal_force"};
     const JointRow::Term& term = joint.rows()[r].terms.front();
@@ -61,6 +69,8 @@ Offer of_joint(const Joint& joint, const JointContacts* contacts) {
        {std::pair{"stop_force", contacts->stop}, std::pair{"stop_moment", contacts->angle_stop},
         std::pair{"friction_force", contacts->friction}, std::pair{"friction_moment", contacts->angle_friction}})
     if (force != nullptr) offer.scalars.emplace_back(name, strength_of(*force));
+  if (contacts->sliding != nullptr)
+    offer.scalars.emplace_back("friction_force", component_of(wrench_of(*contacts->sliding, 1, false), 3));
   return offer;
 }
 
@@ -73,6 +83,15 @@ Offer of_force(const BuiltForce& built) {
     offer.scalars.emplace_back("rate", coordinate_of(*spring, true));
     offer.scalars.emplace_back("strength", strength_of(*spring));
   }
+  return offer;
+}
+
+Offer of_cable(const CableForce& cable) {
+  using What = CableForce::What;
+  Offer offer;
+  for (const auto& [name, what] : {std::pair{"tension", What::last_pull}, std::pair{"first_tension", What::first_pull},
+                                   std::pair{"length", What::length}, std::pair{"rate", What::rate}})
+    offer.scalars.emplace_back(name, cable_quantity(cable, what));
   return offer;
 }
 
@@ -169,6 +188,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
   if (const Support* support = mechanism.support(object))
     return Offer{{{"force", reaction_of(*support, false)}, {"moment", reaction_of(*support, true)}}, {}};
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
+  if (const CableForce* cable = mechanism.cable(object)) return of_cable(*cable);
   if (const FacePressure* pressure = mechanism.pressure(object))
     return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
   if (mechanism.surface_contact(object) != nullptr) return Offer{};
@@ -189,6 +209,7 @@ std::vector<std::string> object_names(const Mechanism& mechanism) {
   for (const Support* s : mechanism.supports) names.push_back(s->name());
   for (const BuiltForce& f : mechanism.forces) names.push_back(f.force->name());
   for (const FacePressure* p : mechanism.pressures) names.push_back(p->name());
+  for (const CableForce* c : mechanism.cables) names.push_back(c->name());
   for (const BuiltContact& c : mechanism.surface_contacts) names.push_back(c.name);
   if (!mechanism.sensors.empty()) names.emplace_back("sensors");
   if (mechanism.controls != nullptr && !mechanism.controls->inputs.empty()) names.emplace_back("inputs");
@@ -227,6 +248,8 @@ const Frame* frame_named(const Mechanism& mechanism, const std::string& object) 
     return which >= 0 && which < joint->frames() ? &joint->frame(which) : nullptr;
   if (const BuiltForce* force = mechanism.force(name))
     return which == 0 || which == force->side ? &force->force->frame(which) : nullptr;
+  if (const CableForce* cable = mechanism.cable(name))
+    return which >= 0 && which < cable->frames() ? &cable->frame(which) : nullptr;
   return nullptr;
 }
 

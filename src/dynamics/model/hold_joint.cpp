@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "dynamics/bodies/carried_frame.hpp"
+#include "dynamics/joints/space_curve.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -49,7 +50,16 @@ Demand demand_of(JointType type) {
     case JointType::planar:
       return {Vec3(0, 0, 1), Turn::axis};
     case JointType::point_on_line:
+    case JointType::in_line:
       return {Vec3(1, 1, 0), Turn::free};
+    case JointType::screw:
+      return {Vec3(1, 1, 0), Turn::axis};
+    case JointType::constant_velocity:
+      return {Vec3::Ones(), Turn::free};
+    case JointType::parallel_axes:
+      return {Vec3::Zero(), Turn::axis};
+    case JointType::in_plane:
+      return {Vec3(0, 0, 1), Turn::free};
     default:
       return {Vec3::Zero(), Turn::free, false};
   }
@@ -85,6 +95,28 @@ Move move_of(const Demand& demand, const FrameMotion& a, const FrameMotion& b, b
   m.distance = held.norm();
   m.angle = angle_of((a_moves ? a.rot : b.rot).transpose() * m.axes);
   m.target = a_moves ? Vec3(a.r + held) : Vec3(b.r - held);
+  return m;
+}
+
+/// From the origin of b to the curve or surface of a; zero where there is none.
+Vec3 gap_of(const JointSpec& joint, const FrameMotion& a, const FrameMotion& b) {
+  const Vec3 start = a.rot.transpose() * (b.r - a.r);
+  Vec3 p = start;
+  if (joint.curve) p = joint.curve->at(joint.curve->nearest(start)).x;
+  constexpr int kSteps = 50;  // of Newton's method
+  for (int k = 0; joint.surface && k < kSteps; ++k) {
+    const PointFunction::At at = joint.surface->at(p);
+    p -= at.value / at.gradient.squaredNorm() * at.gradient;
+  }
+  return a.rot * (p - start);
+}
+
+/// The same as move_of() for points on curves and surfaces.
+Move move_by(const Vec3& gap, const FrameMotion& a, const FrameMotion& b, bool a_moves) {
+  Move m;
+  m.distance = gap.norm();
+  m.target = a_moves ? Vec3(a.r - gap) : Vec3(b.r + gap);
+  m.axes = a_moves ? a.rot : b.rot;
   return m;
 }
 
@@ -133,7 +165,8 @@ class Holder {
 
   std::vector<FramePtr> run(std::vector<std::string>& notices) {
     const Demand demand = demand_of(joint_.type);
-    if (demand.any && !joint_.pull && (flexible(0) || flexible(1))) hold(demand, notices);
+    const bool fits_somewhere = demand.any || joint_.curve || joint_.surface;
+    if (fits_somewhere && !joint_.pull && (flexible(0) || flexible(1))) hold(demand, notices);
     std::vector<FramePtr> result;
     for (FramePtr& frame : frame_) result.push_back(std::move(frame));
     return result;
@@ -153,7 +186,8 @@ class Holder {
     const auto moves = [&](std::size_t k) { return flexible(k) != nullptr && frame_[k]->has_rotation(); };
     // A frame with axes on a flexible body; else one that is no node.
     const std::size_t k = moves(1) ? 1 : moves(0) ? 0 : flexible(1) == nullptr ? 1 : 0;
-    const Move m = move_of(demand, motion_[0], motion_[1], k == 0);
+    const Move m = demand.any ? move_of(demand, motion_[0], motion_[1], k == 0)
+                              : move_by(gap_of(joint_, motion_[0], motion_[1]), motion_[0], motion_[1], k == 0);
     if (m.distance <= kFits * size && m.angle <= kFits) return;
     if (flexible(k) != nullptr && !frame_[k]->has_rotation()) return;  // two nodes: the joint pulls them together
     frame_[k] = flexible(k) != nullptr ? moved_on_body(k, m) : moved_freely(k, m);

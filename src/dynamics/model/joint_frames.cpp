@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynamics/bodies/carried_frame.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -31,8 +32,10 @@ std::vector<Pair> axes_of(JointType type) {
     case JointType::rack_and_pinion:
       return {{0, 1}, {2, 3}};
     default:
-      return {};
+      break;
   }
+  const JointKind* kind = joint_kind(type);
+  return kind != nullptr && kind->axes == JointKind::Axes::one ? std::vector<Pair>{{0, 1}} : std::vector<Pair>{};
 }
 
 std::vector<Pair> axes_of(ForceType type) {
@@ -93,7 +96,20 @@ std::string face_name(const MarkerSpec& m) {
                      m.body);
 }
 
+/// Likewise two axes that cross.
+void check_both_axes(const JointSpec& j, const JointKind& kind) {
+  if (kind.axes != JointKind::Axes::both) return;
+  for (const std::size_t k : {0, 1})
+    if (!j.frames[k].axis_given)
+      throw std::invalid_argument(
+          fmt::format("needs an axis of its own in frame '{}' as in the other one: axis = [x, y, z], {}", "ab"[k],
+                      k == 1                           ? "about which the wheel turns"
+                      : j.type == JointType::rack_pair ? "along the rack"
+                                                       : "about which the worm turns"));
+}
+
 bool turns_frame(JointType type, std::size_t frame) {
+  if (const JointKind* kind = joint_kind(type)) return type != JointType::cable && (frame == 0 || kind->turns_b);
   switch (type) {
     case JointType::spherical:
     case JointType::distance:
@@ -108,7 +124,7 @@ bool turns_frame(JointType type, std::size_t frame) {
 }
 
 bool turns_frames(const ForceSpec& f) {
-  if (f.type != ForceType::load) return f.type != ForceType::spring;
+  if (f.type != ForceType::load) return f.type != ForceType::spring && f.type != ForceType::cable;
   return f.follower || !f.angular.isZero() ||
          std::any_of(f.components.begin() + 3, f.components.end(), [](const auto& c) { return c.has_value(); });
 }
@@ -165,6 +181,10 @@ JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Me
     throw std::invalid_argument("'attach' says how a face is held, and none of the joint's frames is one");
   complete_axes(out, joint_type_names()[static_cast<std::size_t>(joint.type)], frames);
   check_rolling(out);
+  if (const JointKind* kind = joint_kind(joint.type)) {
+    check_both_axes(out, *kind);
+    if (kind->complete != nullptr) kind->complete(out, frames);
+  }
   return out;
 }
 

@@ -14,6 +14,7 @@
 #include "dynamics/bodies/reduced_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
+#include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/joints/joint.hpp"
@@ -61,6 +62,7 @@ struct JointContacts {
   CoordinateForce* angle_stop = nullptr;
   CoordinateForce* friction = nullptr;
   CoordinateForce* angle_friction = nullptr;
+  FrameForce* sliding = nullptr;  ///< friction in all directions of a surface
 };
 
 /// A contact of the model: one component for the rigid shapes, and one for each pair with faces of a solid.
@@ -92,8 +94,9 @@ class Mechanism {
   std::vector<BuiltBody> bodies;
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
-  std::vector<BuiltForce> forces;  ///< but for pressures
+  std::vector<BuiltForce> forces;  ///< but for pressures and cables
   std::vector<FacePressure*> pressures;
+  std::vector<CableForce*> cables;
   std::vector<BuiltContact> surface_contacts;
   std::vector<contact::RigidContact*> impacts;    ///< those of them with law = "impulse"
   ModelKeys keys;                                 ///< what the model is, mesh files included: for restart files
@@ -118,6 +121,7 @@ class Mechanism {
   /// Load factor of the forces and pressures that are functions of the state, on which stiffness depends.
   void load_functions_of_state(double factor);
   [[nodiscard]] FacePressure* pressure(const std::string& name) const;
+  [[nodiscard]] CableForce* cable(const std::string& name) const;
   [[nodiscard]] const BuiltContact* surface_contact(const std::string& name) const;
   /// "; element 7 of 'rod' is inverted" where the last evaluation of a flexible body found one, else "".
   [[nodiscard]] std::string inverted_elements() const;

@@ -1,16 +1,26 @@
 // The keys of a joint that make forces: limits with stops, and friction.
 #include <fmt/format.h>
 
+#include <cmath>
+#include <numbers>
+
+#include "dynamics/joints/space_curve.hpp"
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/joint_kinds/freedom.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
 
-StopLaw read_limits(Section s) {
+/// @param length  of an open curve, whose ends are meant where neither limit is given; 0: none
+StopLaw read_limits(Section s, double length) {
   StopLaw law;
   law.lower = s.number("lower", law.lower);
   law.upper = s.number("upper", law.upper);
-  if (!s.has("lower") && !s.has("upper")) fail(s.place(), "needs 'lower' or 'upper', or both");
+  if (!s.has("lower") && !s.has("upper")) {
+    if (length == 0) fail(s.place(), "needs 'lower' or 'upper', or both");
+    law.lower = 0;
+    law.upper = length;
+  }
   if (!(law.lower < law.upper))
     fail(s.place("upper"), fmt::format("must be greater than 'lower', {:g}, not {:g}", law.lower, law.upper));
   law.stiffness = s.positive("stiffness");
@@ -30,10 +40,11 @@ double not_negative(Section& s, const std::string& key, double otherwise) {
 /// 1 / length, or 0 without the key: moments then do not press.
 double lever(Section& s, const std::string& key) { return s.has(key) ? 1 / s.positive(key) : 0.0; }
 
-FrictionSpec read_friction(Section s, JointType type) {
+FrictionSpec read_friction(Section s, const JointSpec& joint) {
   FrictionSpec f;
   f.place = s.place();
-  const bool turns = type != JointType::prismatic, slides = type != JointType::revolute;
+  const JointFreedom freedom = joint_freedom(joint.type);
+  const bool turns = freedom.turns, slides = freedom.slides || freedom.surface;
   f.curve.dynamic_coefficient = not_negative(s, "coefficient", 0);
   f.curve.static_coefficient = not_negative(s, "static", f.curve.dynamic_coefficient);
   if (f.curve.static_coefficient < f.curve.dynamic_coefficient)
@@ -42,10 +53,15 @@ FrictionSpec read_friction(Section s, JointType type) {
   f.curve.stribeck_speed = s.positive("stribeck_speed", 10 * f.curve.slip_speed);
   f.load.preload = not_negative(s, "preload", 0);
   if (turns && (f.curve.static_coefficient > 0 || !slides)) f.radius = s.positive("radius", 1);
-  if (turns && f.curve.static_coefficient > 0 && !s.has("radius")) fail(f.place, "needs 'radius', that of the pin");
-  f.load.bending = lever(s, "bending_arm");
-  if (slides && !turns) f.load.torsion = lever(s, "torsion_arm");
-  if (type == JointType::revolute) f.load.axial = not_negative(s, "collar_radius", 0) / f.radius;
+  if (turns && f.curve.static_coefficient > 0 && !s.has("radius"))
+    fail(f.place,
+         joint.type == JointType::screw ? "needs 'radius', that of the thread" : "needs 'radius', that of the pin");
+  if (freedom.moments) f.load.bending = lever(s, "bending_arm");
+  if (freedom.moments && slides && !turns) f.load.torsion = lever(s, "torsion_arm");
+  if (joint.type == JointType::revolute) f.load.axial = not_negative(s, "collar_radius", 0) / f.radius;
+  // The thread's force is across it: more than its part along the axis.
+  if (joint.type == JointType::screw) f.load.axial = std::hypot(1, joint.parameter / (2 * std::numbers::pi * f.radius));
+  if (joint.type == JointType::in_plane) f.load = {f.load.preload, 0, 1};
   if (slides) f.viscous = not_negative(s, "viscous", 0);
   if (turns) f.angular_viscous = not_negative(s, slides ? "angular_viscous" : "viscous", 0);
   s.finish();
@@ -54,18 +70,57 @@ FrictionSpec read_friction(Section s, JointType type) {
 
 }  // namespace
 
+JointFreedom joint_freedom(JointType type) {
+  switch (type) {
+    case JointType::revolute:
+    case JointType::parallel_axes:
+      return {.turns = true, .limits = true, .moments = true};
+    case JointType::cylindrical:
+      return {.turns = true, .slides = true, .limits = true, .moments = true};
+    case JointType::screw:
+      return {.turns = true, .slides = true, .limits = true, .moments = true};
+    case JointType::prismatic:
+      return {.slides = true, .limits = true, .moments = true};
+    case JointType::in_line:
+    case JointType::point_on_line:
+      return {.slides = true, .limits = true};
+    case JointType::point_on_curve:
+      return {.slides = true, .limits = true, .whole_force = true};
+    case JointType::in_plane:
+      return {.surface = true};
+    case JointType::point_on_surface:
+      return {.surface = true, .whole_force = true};
+    case JointType::worm:
+      return {.slides = true};
+    case JointType::constant_velocity:
+      return {.limits = true};
+    default:
+      return {};
+  }
+}
+
 void read_joint_contacts(Section& joint, JointSpec& out) {
-  const bool turns = out.type == JointType::revolute || out.type == JointType::cylindrical;
-  const bool slides = out.type == JointType::prismatic || out.type == JointType::cylindrical;
-  for (const char* key : {"limits", "angle_limits", "friction"})
-    if (joint.has(key) && !turns && !slides)
-      fail(joint.place(key), "only revolute, prismatic and cylindrical joints have limits and friction");
-  if (auto s = joint.table("limits")) (slides ? out.stop : out.angle_stop) = read_limits(*s);
-  if (joint.has("angle_limits") && !(turns && slides))
-    fail(joint.place("angle_limits"), "belongs to cylindrical joints; others have 'limits'");
-  if (turns && slides)
-    if (auto s = joint.table("angle_limits")) out.angle_stop = read_limits(*s);
-  if (auto s = joint.table("friction")) out.friction = read_friction(*s, out.type);
+  const JointFreedom freedom = joint_freedom(out.type);
+  if (joint.has("limits") && !freedom.limits)
+    fail(joint.place("limits"),
+         "only revolute, parallel-axes, prismatic, in-line, point-on-line, cylindrical, screw, point-on-curve and "
+         "constant-velocity joints have limits");
+  if (joint.has("friction") && !freedom.rubs())
+    fail(joint.place("friction"),
+         "only revolute, parallel-axes, prismatic, in-line, point-on-line, cylindrical, screw, point-on-curve, "
+         "in-plane, "
+         "point-on-surface and worm joints have friction");
+  const double length = out.curve && !out.curve->closed() ? out.curve->length() : 0;
+  if (auto s = joint.table("limits")) (freedom.slides ? out.stop : out.angle_stop) = read_limits(*s, length);
+  if (joint.has("angle_limits") && !(freedom.turns && freedom.slides))
+    fail(joint.place("angle_limits"), "belongs to cylindrical joints and screws; others have 'limits'");
+  if (freedom.turns && freedom.slides)
+    if (auto s = joint.table("angle_limits")) out.angle_stop = read_limits(*s, 0);
+  if (auto s = joint.table("friction")) out.friction = read_friction(*s, out);
+  if (out.friction && out.type == JointType::point_on_curve && out.function)
+    fail(
+        joint.place("friction"),
+        "goes with a point that moves freely along its curve; this one is led by 'motion', whose force would press it");
 }
 
 }  // namespace espalier::dynamics::model

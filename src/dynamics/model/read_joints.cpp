@@ -6,6 +6,7 @@
 
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
@@ -82,13 +83,6 @@ Attach read_attach(Section& s) {
   return s.choice("attach", {"mean", "rigid"}) == 1 ? Attach::rigid : Attach::mean;
 }
 
-/// A number, or "initial".
-double read_measure(Section& s, const std::string& key, bool& measured) {
-  const Value* value = s.value(key);
-  measured = value == nullptr || (value->type == Value::Type::text && value->text == "initial");
-  return measured ? 0.0 : s.number(key);
-}
-
 RollingShape read_rolling(Section& s) {
   RollingShape shape;
   const bool ball = s.choice("shape", {"wheel", "ball"}, 0) == 1;
@@ -104,14 +98,29 @@ RollingShape read_rolling(Section& s) {
   return shape;
 }
 
-JointSpec read_joint(const std::string& name, const Value& value) {
+/// The ends of a cable, and the rings between them in their order.
+std::vector<MarkerSpec> read_through(Section& s) {
+  const Value* list = s.value("through");
+  const auto most = static_cast<std::size_t>(FrameBlocks::kMostFrames);
+  if (list == nullptr || list->type != Value::Type::array || list->items.size() < 2 || list->items.size() > most)
+    fail(list == nullptr ? s.place() : list->place,
+         fmt::format(
+             "needs 'through', a list of 2 to {} frames: where the cable begins, the rings that it goes through, "
+             "and where it ends; each {{ body = ..., point = ... }} or the name of a marker",
+             most));
+  std::vector<MarkerSpec> frames;
+  for (const Value& item : list->items) frames.push_back(read_marker(item, ""));
+  return frames;
+}
+
+JointSpec read_joint(const std::string& name, const Value& value, Description& model) {
   Section s(value);
   JointSpec j;
   j.place = value.place;
   j.name = name;
   j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
   const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion;
-  j.frames = read_frames(s, four ? 4 : 2);
+  j.frames = j.type == JointType::cable ? read_through(s) : read_frames(s, four ? 4 : 2);
   j.pull = s.flag("pull", false);
   j.attach = read_attach(s);
   switch (j.type) {
@@ -142,6 +151,7 @@ JointSpec read_joint(const std::string& name, const Value& value) {
       j.relative = s.choice("from", {"zero", "initial"}, 0) == 1;
       break;
     default:
+      if (const JointKind* kind = joint_kind(j.type); kind != nullptr && kind->read != nullptr) kind->read(s, j, model);
       break;
   }
   j.active = s.flag("active", true);
@@ -190,6 +200,17 @@ void read_guide(Section& s, ForceSpec& f, const std::string& units) {
   }
 }
 
+void read_cable_force(Section& s, ForceSpec& f) {
+  f.stiffness = s.positive("stiffness");
+  f.damping = s.number("damping", 0);
+  f.rest = read_measure(s, "length", f.measured);
+  if (!f.measured && !(f.rest > 0)) fail(s.place("length"), "must be greater than 0");
+  f.friction = s.number("friction", 0);
+  if (f.damping < 0) fail(s.place("damping"), "must not be negative");
+  if (f.friction < 0) fail(s.place("friction"), "must not be negative");
+  f.slip_speed = f.friction > 0 ? s.positive("slip_speed") : s.positive("slip_speed", 1);
+}
+
 ForceSpec read_force(const std::string& name, const Value& value, const std::string& units) {
   Section s(value);
   ForceSpec f;
@@ -201,7 +222,7 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.face = s.text("face");
     f.formula = {s.place("pressure"), s.state_function("pressure")};
   } else {
-    f.frames = read_frames(s, f.type == ForceType::load ? 1 : 2);
+    f.frames = f.type == ForceType::cable ? read_through(s) : read_frames(s, f.type == ForceType::load ? 1 : 2);
   }
   switch (f.type) {
     case ForceType::spring:
@@ -229,6 +250,9 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
       break;
     case ForceType::force_motor:
       f.formula = {s.place("force"), s.state_function("force")};
+      break;
+    case ForceType::cable:
+      read_cable_force(s, f);
       break;
     case ForceType::pressure:
       break;
@@ -262,6 +286,12 @@ void read_nodes(Section& s, MarkerSpec& m) {
 
 }  // namespace
 
+double read_measure(Section& s, const std::string& key, bool& measured) {
+  const Value* value = s.value(key);
+  measured = value == nullptr || (value->type == Value::Type::text && value->text == "initial");
+  return measured ? 0.0 : s.number(key);
+}
+
 const std::vector<std::string>& joint_type_names() {
   static const std::vector<std::string> names = {"fixed",
                                                  "revolute",
@@ -279,13 +309,25 @@ const std::vector<std::string>& joint_type_names() {
                                                  "gear",
                                                  "rack-and-pinion",
                                                  "rolling",
-                                                 "skate"};
+                                                 "skate",
+                                                 "screw",
+                                                 "constant-velocity",
+                                                 "parallel-axes",
+                                                 "in-plane",
+                                                 "in-line",
+                                                 "point-on-curve",
+                                                 "point-on-surface",
+                                                 "gear-pair",
+                                                 "rack-pair",
+                                                 "worm",
+                                                 "cable"};
   return names;
 }
 
 const std::vector<std::string>& force_type_names() {
-  static const std::vector<std::string> names = {"spring",   "axial-spring", "rotational-spring", "bushing",    "load",
-                                                 "pressure", "guide",        "torque-motor",      "force-motor"};
+  static const std::vector<std::string> names = {
+      "spring",   "axial-spring", "rotational-spring", "bushing",     "load",
+      "pressure", "guide",        "torque-motor",      "force-motor", "cable"};
   return names;
 }
 
@@ -340,7 +382,7 @@ void read_where(Section& s, MarkerSpec& m) {
 
 void read_joints(Section& root, Description& model) {
   root.named("joints", [&](const std::string& name, const Value& value) {
-    model.joints.push_back(read_joint(name, value));
+    model.joints.push_back(read_joint(name, value, model));
     keep_named_frames(model.joints.back().frames, model);
   });
 }

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/runner.hpp"
 
 namespace espalier::dynamics::model {
@@ -63,7 +64,9 @@ void Runner::act(const EventSpec& event, const std::vector<double>& settings, Ch
 // Motors and distances that count from "initial", and couplings, begin with what they find.
 void Runner::begin_joint(const std::string& name) {
   for (const JointSpec& spec : model_.joints) {
-    const bool coupling = spec.type == JointType::gear || spec.type == JointType::rack_and_pinion;
+    const JointKind* kind = joint_kind(spec.type);
+    const bool coupling =
+        spec.type == JointType::gear || spec.type == JointType::rack_and_pinion || (kind != nullptr && kind->couples);
     if (spec.name == name && (spec.relative || spec.measured || coupling))
       mechanism_->joint(name)->hold_here(time(), current().q);
   }

@@ -3,6 +3,7 @@
 #include <limits>
 
 #include "dynamics/contact/outline.hpp"
+#include "dynamics/joints/space_curve.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/skin_faces.hpp"
 
@@ -26,11 +27,26 @@ std::vector<std::string> body_names(const std::vector<model::MarkerSpec>& frames
 }
 
 std::string mark_json(const std::string& name, const char* what, const std::string& kind,
-                      const std::vector<std::string>& between) {
+                      const std::vector<std::string>& between, const std::vector<double>& path = {}) {
   JsonObject mark;
   mark.text("name", name).text("what", what).text("kind", kind).raw("between", json_texts(between));
+  if (!path.empty()) mark.raw("path", json_numbers(path, 7));
   return mark.done();
 }
+
+/// Points of a curve on the ground, in global axes; none of one that moves.
+std::vector<double> path_of(const Joint& joint, const SpaceCurve* curve) {
+  std::vector<double> path;
+  if (curve == nullptr || dynamic_cast<const GroundFrame*>(&joint.frame(0)) == nullptr) return path;
+  constexpr int kPoints = 200;
+  const FrameMotion a = joint.frame_motion({}, {}, 0);
+  for (int k = 0; k <= kPoints; ++k)
+    push(a.r + a.rot * curve->at(curve->least() + (curve->most() - curve->least()) * k / kPoints).x, path);
+  return path;
+}
+
+/// The parts of what goes through several frames are a mark each; the last one has the force.
+int parts_of(const Joint& joint) { return joint.kind() == "cable" ? joint.frames() - 1 : 1; }
 
 }  // namespace
 
@@ -38,9 +54,15 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
   std::vector<std::string> marks;
   for (const Joint* joint : mechanism.joints) {
     std::vector<model::MarkerSpec> frames;
-    for (const model::JointSpec& spec : model.joints)
-      if (spec.name == joint->name()) frames = spec.frames;
-    marks.push_back(mark_json(joint->name(), "joint", joint->kind(), body_names(frames, model)));
+    const SpaceCurve* curve = nullptr;
+    for (const model::JointSpec& spec : model.joints) {
+      if (spec.name != joint->name()) continue;
+      frames = spec.frames;
+      curve = spec.curve.get();
+    }
+    for (int k = 0; k < parts_of(*joint); ++k)
+      marks.push_back(
+          mark_json(joint->name(), "joint", joint->kind(), body_names(frames, model), path_of(*joint, curve)));
   }
   for (const model::BuiltForce& built : mechanism.forces) {
     std::string kind = "force";
@@ -51,6 +73,13 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
         kind = model::force_type_names()[static_cast<std::size_t>(spec.type)];
       }
     marks.push_back(mark_json(built.force->name(), "force", kind, body_names(frames, model)));
+  }
+  for (const CableForce* cable : mechanism.cables) {
+    std::vector<model::MarkerSpec> frames;
+    for (const model::ForceSpec& spec : model.forces)
+      if (spec.name == cable->name()) frames = spec.frames;
+    for (int k = 1; k < cable->frames(); ++k)
+      marks.push_back(mark_json(cable->name(), "force", "cable", body_names(frames, model)));
   }
   for (const FacePressure* pressure : mechanism.pressures) {
     std::vector<std::string> on;
@@ -72,8 +101,12 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
 
 void Marks::place(const StateView& s, const StateView& end, std::vector<double>& out) const {
   for (const Joint* joint : mechanism_.joints) {
-    const int other = joint->frames() > 1 ? 1 : 0;
-    const FrameMotion a = joint->frame_motion(s.q, {}, 0), b = joint->frame_motion(s.q, {}, other);
+    const int parts = parts_of(*joint), other = joint->frames() > 1 ? parts : 0;
+    for (int k = 0; k + 1 < parts; ++k) {
+      const Vec3 from = joint->frame_motion(s.q, {}, k).r, to = joint->frame_motion(s.q, {}, k + 1).r;
+      for (const Vec3& x : {from, to, Vec3(Vec3::Zero()), Vec3(Vec3::Zero()), Vec3(Vec3::Zero())}) push(x, out);
+    }
+    const FrameMotion a = joint->frame_motion(s.q, {}, parts - 1), b = joint->frame_motion(s.q, {}, other);
     const Wrench wrench = joint->reaction(s, other);
     for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) push(x, out);
   }
@@ -84,6 +117,16 @@ void Marks::place(const StateView& s, const StateView& end, std::vector<double>&
     if (built.side == 0) b = a;  // a load
     const Wrench wrench = built.force->applied(s, built.side);
     for (const Vec3& x : {a.r, b.r, Vec3(a.rot.col(2)), wrench.force, wrench.moment}) push(x, out);
+  }
+  for (const CableForce* cable : mechanism_.cables) {
+    const int last = cable->frames() - 1;
+    for (int k = 0; k < last; ++k) {
+      FrameMotion a, b;
+      cable->frame(k).motion(s.q, {}, a);
+      cable->frame(k + 1).motion(s.q, {}, b);
+      const Vec3 force = k + 1 == last ? cable->applied(s, last) : Vec3(Vec3::Zero());
+      for (const Vec3& x : {a.r, b.r, Vec3(Vec3::Zero()), force, Vec3(Vec3::Zero())}) push(x, out);
+    }
   }
   place_pressures(s, out);
   place_supports(s, out);

@@ -13,7 +13,8 @@ class Marks {
  public:
   Marks(const model::Mechanism& mechanism, const model::Description& model);
   /// [{"name", "what": "joint", "kind": "revolute", "between": ["rod", "piston"]}, ...] in the order of place():
-  /// joints, forces, pressures (what: "force"), supports, contacts.
+  /// joints, forces, cables, pressures (what: "force"), supports, contacts. A cable is one for each of its parts; a
+  /// curve on the ground has its points as "path".
   [[nodiscard]] const std::string& json() const { return json_; }
   [[nodiscard]] Index count() const { return count_; }
   /// Appends, for each: its places on the first and on the second body, its axis, force and moment on the second one;

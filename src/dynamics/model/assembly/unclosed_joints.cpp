@@ -23,8 +23,9 @@ bool is_small(const System& system) {
   return system.sizes().constraints > 0 && work_of(system) <= kMostWork;
 }
 
-bool is_length(Relative kind) {
-  return kind == Relative::global || kind == Relative::along || kind == Relative::distance;
+bool is_length(const JointRow::Term& term) {
+  if (!term.plain()) return term.rolling || term.function->is_length();
+  return term.kind == Relative::global || term.kind == Relative::along || term.kind == Relative::distance;
 }
 
 class Closing {
@@ -127,7 +128,7 @@ class Closing {
       if (weights_[i] == 0) continue;
       open = open || found.part[i] > kOpen;
       const JointRow::Term& term = joint.rows()[r].terms.front();
-      (term.rolling || is_length(term.kind) ? lengths : turns) += found.phi[i] * found.phi[i];
+      (is_length(term) ? lengths : turns) += found.phi[i] * found.phi[i];
     }
     if (!open) return "";
     lengths = std::sqrt(lengths), turns = std::sqrt(turns);
@@ -142,7 +143,7 @@ class Closing {
     const std::optional<std::size_t> row = asked_row(joint);
     if (row && joint.rows().size() == 1 && joint.rows()[0].terms.size() == 1) {
       const JointRow& asks = joint.rows()[*row];
-      const bool length = is_length(asks.terms.front().kind);
+      const bool length = is_length(asks.terms.front());
       const double missing = found.phi[first_row(joint) + *row];
       const double asked = asks.driven ? asks.offset + asks.function.value(t)
                                        : joint.coordinate(found.q, static_cast<int>(*row)) - missing;

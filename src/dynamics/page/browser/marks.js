@@ -42,8 +42,8 @@ class Marks {
     const kind = mark.kind;
     if (mark.what === 'support') return 'foot';
     if (mark.what !== 'joint') return '';
-    if (/revolute|cylindrical|rotation/.test(kind)) return 'pin';
-    if (/prismatic|translation|planar/.test(kind)) return 'block';
+    if (/revolute|cylindrical|rotation|screw|gear pair|worm/.test(kind)) return 'pin';
+    if (/prismatic|translation|planar|in plane|rack pair/.test(kind)) return 'block';
     return /fixed/.test(kind) ? 'cube' : 'ball';
   }
 
@@ -72,8 +72,10 @@ class Marks {
         const turn = new THREE.Quaternion().setFromUnitVectors(upright, axis.length() > 0.5 ? axis.normalize() : glyph === 'foot' ? stage.up : upright);
         put(this.glyphs.find(g => g.name === glyph).mesh, new THREE.Matrix4().compose(at, turn, new THREE.Vector3(size, size, size)));
       }
-      if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && /spring|bushing|distance|link|revolute-spherical/.test(mark.kind))
+      if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && /spring|bushing|distance|link|revolute-spherical|cable/.test(mark.kind))
         springs.push(...(/spring|bushing/.test(mark.kind) ? coil(from, at, size) : [from, at]));
+      for (let end = 3; this.joints && mark.path && end < mark.path.length; end += 3)
+        for (const i of [end - 3, end]) springs.push(new THREE.Vector3(mark.path[i], mark.path[i + 1], mark.path[i + 2]).sub(c));
       if (this.forces) arrow(mark.what, at, force, this.most, 1);
       if (this.moments) arrow('moment', at, vector('moment', k), this.mostMoment, 2);
     });

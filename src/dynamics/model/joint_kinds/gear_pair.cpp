@@ -1,0 +1,52 @@
+#include <fmt/format.h>
+
+#include "dynamics/model/joint_kinds/kind.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+void read_gear_pair(Section& s, JointSpec& j, Description& /*model*/) {
+  const std::vector<double> teeth = s.numbers("teeth");
+  if (teeth.size() != 2 || !(teeth[0] > 0) || !(teeth[1] > 0))
+    fail(s.place("teeth"), "must be two numbers greater than 0: the teeth of wheel a and of wheel b");
+  j.teeth = {teeth[0], teeth[1]};
+  j.inner = s.choice("inner", {"none", "a", "b"}, 0) - 1;
+  if (j.inner >= 0 && !(j.teeth[static_cast<std::size_t>(j.inner)] > j.teeth[static_cast<std::size_t>(1 - j.inner)]))
+    fail(s.place("inner"), "the wheel with inner teeth must have more of them than the one inside it");
+}
+
+void check_gear_pair(JointSpec& j, const FrameBuilder& frames) {
+  for (const MarkerSpec& m : j.frames)
+    if (!frames.make(m)->has_rotation()) return;  // the joint says what it needs
+  const FrameMotion a = frames.initial_motion(j.frames[0]), b = frames.initial_motion(j.frames[1]);
+  constexpr double kParallel = 1e-4;
+  if (a.rot.col(2).cross(b.rot.col(2)).norm() > kParallel)
+    fail(j.place,
+         "the axes of a gear-pair (z of a and b) must be parallel; for axes that cross take a worm, or a gear with "
+         "frames on the carrier of both wheels");
+}
+
+// Radii from the distance of the centres: the multiplier is then the force at the teeth.
+std::unique_ptr<Joint> make_gear_pair(const JointSpec& j, std::vector<FramePtr> f, const JointStart& start) {
+  const FrameMotion &a = start.frames[0], &b = start.frames[1];
+  const Vec3 axis = a.rot.col(2), d = b.r - a.r;
+  const double distance = (d - d.dot(axis) * axis).norm();
+  if (!(distance > 0))
+    throw std::invalid_argument(
+        "the centres of both wheels (origins of a and b) are on one axis; give each wheel's frame its own 'point'");
+  std::array<double, 2> radii = j.teeth;
+  if (j.inner >= 0) radii[static_cast<std::size_t>(j.inner)] *= -1;
+  const double scale = distance / std::abs(radii[0] + radii[1]), side = axis.dot(b.rot.col(2)) < 0 ? -1 : 1;
+  return gear_pair(j.name, std::move(f[0]), std::move(f[1]), scale * radii[0], side * scale * radii[1]);
+}
+
+}  // namespace
+
+const JointKind kGearPair = {.type = JointType::gear_pair,
+                             .read = read_gear_pair,
+                             .make = make_gear_pair,
+                             .axes = JointKind::Axes::one,
+                             .couples = true,
+                             .complete = check_gear_pair};
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,75 @@
+#include <algorithm>
+#include <numbers>
+
+#include "dynamics/joints/surface_shape.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
+
+namespace espalier::dynamics::model {
+namespace {
+
+enum class Form { sphere, ellipsoid, cylinder, cone, torus, heights };
+
+SurfacePtr read_heights(Section& s) {
+  const std::vector<double> x = s.numbers("x"), y = s.numbers("y");
+  for (const auto& [key, line] : {std::pair{"x", &x}, std::pair{"y", &y}})
+    if (line->size() < 2 || !std::is_sorted(line->begin(), line->end(), std::less_equal<>()))
+      fail(s.place(key), "needs two places of the grid and more, each greater than the one before it");
+  const Value* rows = s.value("heights");
+  const auto bad = [&](const Place& place) {
+    fail(place, "must be a list of rows, one for each number of 'x', with a height for each number of 'y'");
+  };
+  if (rows == nullptr || rows->type != Value::Type::array || rows->items.size() != x.size())
+    bad(rows == nullptr ? s.place() : rows->place);
+  std::vector<std::vector<double>> heights;
+  for (const Value& row : rows->items) {
+    if (row.type != Value::Type::array || row.items.size() != y.size()) bad(row.place);
+    heights.emplace_back();
+    for (const Value& height : row.items) heights.back().push_back(Section::plain_number(height));
+  }
+  return height_surface(x, y, std::move(heights));
+}
+
+SurfacePtr read_form(Section& s) {
+  const auto form =
+      static_cast<Form>(s.choice("shape", {"sphere", "ellipsoid", "cylinder", "cone", "torus", "heights"}));
+  switch (form) {
+    case Form::sphere:
+      return sphere_surface(s.positive("radius"));
+    case Form::cylinder:
+      return cylinder_surface(s.positive("radius"));
+    case Form::ellipsoid: {
+      const Vec3 axes = s.vector("half_axes");
+      if (!(axes.minCoeff() > 0)) fail(s.place("half_axes"), "must be greater than 0, all three");
+      return ellipsoid_surface(axes);
+    }
+    case Form::cone: {
+      const double angle = s.positive("angle");
+      if (!(angle < std::numbers::pi / 2))
+        fail(s.place("angle"), "between the axis and the surface must be less than a right angle, pi/2");
+      return cone_surface(angle);
+    }
+    case Form::torus: {
+      const double radius = s.positive("radius"), rim = s.positive("rim");
+      if (!(rim < radius)) fail(s.place("rim"), "must be less than 'radius', that of the circle in the tube");
+      return torus_surface(radius, rim);
+    }
+    case Form::heights:
+      break;
+  }
+  return read_heights(s);
+}
+
+void read_point_on_surface(Section& s, JointSpec& j, Description& /*model*/) { j.surface = read_form(s); }
+
+std::unique_ptr<Joint> make_point_on_surface(const JointSpec& j, std::vector<FramePtr> f, const JointStart& /*start*/) {
+  return point_on_surface(j.name, std::move(f[0]), std::move(f[1]), j.surface);
+}
+
+}  // namespace
+
+const JointKind kPointOnSurface = {.type = JointType::point_on_surface,
+                                   .read = read_point_on_surface,
+                                   .make = make_point_on_surface,
+                                   .turns_b = false};
+
+}  // namespace espalier::dynamics::model
