@@ -6,6 +6,8 @@
 #include <filesystem>
 #include <set>
 
+#include "dynamics/mesh/deck/deck.hpp"
+#include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/mesh/sides.hpp"
 
 namespace espalier::cli {
@@ -98,6 +100,36 @@ std::string held_pieces(const Mesh& mesh, const std::vector<Index>& held) {
   return count == 1 ? "" : text;
 }
 
+/// Of a deck that states its supports, loads and a step; empty for others.
+std::string model_of_deck(const std::string& mesh_file, const std::string& path) {
+  if (!dynamics::is_deck(mesh_file)) return "";
+  const dynamics::Deck deck = dynamics::read_deck(mesh_file);
+  if (deck.steps == 0) return "";
+  std::string words = "\"all\"", left;
+  std::set<dynamics::DeckKind> kinds;
+  for (const auto& [key, what] : deck.left) {
+    kinds.insert(key.first);
+    left += fmt::format("#   {} ({}, the first in line {})\n", key.second, what.count, what.place.line);
+  }
+  if (!left.empty()) {
+    words.clear();
+    for (std::size_t k = 0; k < dynamics::kDeckWords.size(); ++k)
+      if (!kinds.contains(static_cast<dynamics::DeckKind>(k)))
+        words += fmt::format("{}\"{}\"", words.empty() ? "" : ", ", dynamics::kDeckWords[k]);
+    words = "[" + words + "]";
+    left = "# Not taken, since it cannot be; the answer is another one without:\n" + left;
+  }
+  return fmt::format(
+      "# A model of {}, written by 'espalier mesh': the deck's supports, loads and step are taken over. What they\n"
+      "# become has names like part_hold_1; add to it what you like.\n{}"
+      "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n\n"
+      "[bodies.part]\ntype = \"solid\"\nmesh = {{ file = {}, take = {} }}\n{}",
+      std::filesystem::path(mesh_file).filename().string(), left, quoted(path), words,
+      kinds.contains(dynamics::DeckKind::step) || deck.step.kind == dynamics::DeckStep::Kind::none
+          ? "\n[statics]\nlinear = true\n"
+          : "");
+}
+
 }  // namespace
 
 std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, const std::string& mesh_file,
@@ -120,6 +152,7 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
   const fs::path from = model_file.empty() ? fs::path(mesh_file).parent_path() : fs::path(model_file).parent_path();
   fs::path path = fs::relative(mesh_file, from.empty() ? fs::path(".") : from, ignored);
   if (path.empty()) path = fs::absolute(mesh_file);
+  if (std::string text = model_of_deck(mesh_file, path.string()); !text.empty()) return text;
   const bool millimetres = survey.units.starts_with("mm");
   std::string material;
   double young = millimetres ? 210e3 : 210e9;

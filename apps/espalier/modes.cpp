@@ -210,7 +210,7 @@ int ModesCommand::run_model() {
 
 int ModesCommand::run() {
   expect_one_process("modes");
-  if (k_file.ends_with(".toml")) return run_model();
+  if (k_file.ends_with(".toml") || (m_file.empty() && dynamics::is_deck(k_file))) return run_model();
   if (!speeds.empty() || !over.empty() || !set.empty())
     throw Error(StatusCode::invalid_input, "--speeds, --over and --set are of a model: give a file MODEL.toml");
   refuse_chosen_flags(flags, "modes choose");

@@ -20,7 +20,7 @@ GUIDE = ("simulate.md", "forces.md", "contact.md", "joints.md")
 
 # Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
 SECTIONS = (
-    ("The model", "read_model.cpp", "read_description", (), (("The text", "at the top"),)),
+    ("The model", "read_model.cpp", "read_whole", (), (("The text", "at the top"),)),
     ("[bodies], [joints], [forces], [materials]", "read_bodies.cpp", "read_bodies", (), (("The text", "at the top"),)),
     ("", "read_joints.cpp", "read_joints", (), (("The text", "at the top"),)),
     ("", "read_joints.cpp", "read_forces", (), (("The text", "at the top"),)),
@@ -77,6 +77,10 @@ SECTIONS = (
     ("[supports.NAME]", "read_supports.cpp", "read_support", (), (("Supports", "key"),)),
     ("", "read_supports.cpp", "read_hold", (), (("Supports", "key"),)),
     ("", "read_supports.cpp", "read_symmetry", (), (("Supports", "key"),)),
+    ("[equations], [ties]", "read_equations.cpp", "read_equations", (), (("The text", "at the top"),)),
+    ("[equations.NAME]", "read_equations.cpp", "read_equation", (), (("Equations and ties", "equations"),)),
+    ("[equations.NAME]: a term", "read_equations.cpp", "read_term", (), (("Equations and ties", "equations"),)),
+    ("[ties.NAME]", "read_equations.cpp", "read_tie", (), (("Equations and ties", "ties"),)),
     ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
     ("Joint rolling", "read_joints.cpp", "read_rolling", (), (("Joints", "type"),)),
     ("Joint screw", "joint_kinds/screw.cpp", "read_screw", (), (("Wheels, racks and worms", "key"),)),
@@ -231,7 +235,7 @@ NAMES = {}
 def name_lists():
     """Functions that return lists of names, for choice()."""
     if not NAMES:
-        for file in sorted(MODEL.glob("read_*.cpp")):
+        for file in sorted(MODEL.rglob("read_*.cpp")):
             text = file.read_text()
             for m in re.finditer(r"(\w+)\(\) \{\s*static const std::vector<std::string> names = \{([^}]*)\}", text):
                 NAMES[m[1] + "()"] = re.findall(r'"([\w-]+)"', m[2])
@@ -353,7 +357,7 @@ def mentioned(key, text):
 
 # Sections of a model that the functions of a source read, for the rows of units/key_dimensions.cpp; "": the top.
 READS = {"read_bodies.cpp": "bodies materials", "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
-         "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
+         "read_equations.cpp": "equations ties", "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
          "read_splines.cpp": "splines", **{f"joint_kinds/{f.name}": "joints" for f in sorted(MODEL.glob("joint_kinds/*.cpp"))}, "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
 NUMBERS = ("number", "list of numbers", "list of three", "list of points", "three numbers", "rotation", "function", "expression", "time")
 
@@ -383,7 +387,8 @@ def collect():
     fields, complaints, sections = members(), [], []
     rows = guide_rows()
     text_of_guide = "\n".join((ROOT / "docs/guide" / p).read_text() for p in GUIDE)
-    sources = {str(f.relative_to(MODEL)): f.read_text() for f in sorted([*MODEL.glob("read_*.cpp"), *MODEL.glob("joint_kinds/*.cpp")])}
+    readers = [*((f.name, f) for f in MODEL.rglob("read_*.cpp")), *((f"joint_kinds/{f.name}", f) for f in MODEL.glob("joint_kinds/*.cpp"))]
+    sources = {name: f.read_text() for name, f in sorted(readers)}
     seen = {name: set() for name in sources}
     for title, file, function, structs, tables in SECTIONS:
         keys = keys_of(sources[file], function, structs, fields, seen[file])

@@ -73,12 +73,14 @@ PARTS = {
                      " nodes edge radius bore most_nodes", "")},
     "supports": {"": ("read_where read_nodes read_support read_hold read_symmetry", "body node near face nodes edge radius bore hold symmetry"
                       " rotation motion", "body")},
+    "equations": {"": ("read_equation", "", "terms")},
+    "ties": {"": ("read_where read_nodes read_tie", "body node near face nodes edge radius bore to tolerance", "body to")},
     "splines": {"": ("read_spline CsvTable", "", "")},
     "events": {"": ("read_condition read_event", "", "when")},
     "paths": {"": ("read_path", "", "")},
 }
 SECTIONS = {  # of the top, without names
-    "": "read_description read_bodies read_joints read_forces BodyReader read_surfaces read_events read_splines read_supports",
+    "": "read_whole read_bodies read_joints read_forces BodyReader read_surfaces read_events read_splines read_supports read_equations",
     "integrator": "read_integrator read_bdf read_alpha", "statics": "read_statics read_statics_options", "initial": "read_initial",
     "harmonic": "read_harmonic read_range read_loads", "output": "read_output"}
 TYPE_KEY = {"bodies": "type", "joints": "type", "forces": "type", "surfaces": "shape"}
@@ -124,7 +126,7 @@ def type_of(section, kind, key):
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",
                ("splines", "x"): "Whole", ("splines", "y"): "Whole", ("events", "set"): "Mapping[str, Number]", ("Damping", "ratio"): "Number | Numbers",
                ("initial", "rotation"): "SteadyRotation", ("initial", "statics"): "bool | Statics", ("output", "paths"): "Mapping[str, Mapping[str, Any]]",
-               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}
+               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("ties", "nodes"): "str | Items[Whole]", ("ties", "bore"): "Bore", ("ties", "to"): "Mapping[str, Any]", ("equations", "terms"): "Items[Mapping[str, Any]]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}
     if (section, kind) == ("bodies", "substructure") and key.name in ("stiffness", "mass"):
         return "MatrixFile"
     if (section, kind, key.name) in special:
@@ -332,7 +334,8 @@ def collect():
 
 # Keys of a table inside, whose reader is that of the part.
 NESTED = {("markers", "read_marker", "name"), ("bodies", "read_substructure", "file"), ("markers", "read_where", "length"), ("supports", "read_where", "length"),
-          ("supports", "read_where", "point"), ("supports", "read_where", "axis"),
+          ("supports", "read_where", "point"), ("supports", "read_where", "axis"), ("ties", "read_where", "length"),
+          ("ties", "read_where", "point"), ("ties", "read_where", "axis"), ("ties", "read_tie", "face"),
           ("forces", "read_frames", "c"), ("forces", "read_frames", "d")}
 
 

@@ -38,6 +38,10 @@ METHODS = (
     ("forces", "force", "", "Adds [forces.NAME] and returns the name."),
     ("supports", "support", "", "Adds [supports.NAME] and returns the name: nodes of a flexible body that are held or led, by"
      " hold=\"all\", symmetry=\"x\" or motion={\"z\": 1e-3}."),
+    ("equations", "equation", "", "Adds [equations.NAME] and returns the name: a linear equation between displacements of nodes"
+     " of solids, exact, or held by a stiffness."),
+    ("ties", "tie", "", "Adds [ties.NAME] and returns the name: nodes of a solid that stay where they are on faces, to={\"body\": ...,"
+     " \"face\": ...}."),
     ("surfaces", "surface", "", "Adds [surfaces.NAME], what a contact may touch, and returns the name."),
     ("contacts", "contact", "", "Adds [contacts.NAME] between surfaces and returns the name."),
     ("materials", "material", "", "Adds [materials.NAME] and returns the name."),

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from ._sensitivities import Derivatives
     from ._simulation import Observer
 
-_CALLS = {"bodies": "body", "joints": "joint", "forces": "force", "supports": "support", "surfaces": "surface", "contacts": "contact",
+_CALLS = {"bodies": "body", "joints": "joint", "forces": "force", "supports": "support", "equations": "equation", "ties": "tie", "surfaces": "surface", "contacts": "contact",
           "materials": "material", "markers": "marker", "splines": "spline", "events": "event", "sensors": "sensor", "inputs": "input"}
 
 

@@ -106,6 +106,8 @@ class Sections(TypedDict, total=False):
     joints: "Mapping[str, Any]"
     forces: "Mapping[str, Any]"
     supports: "Mapping[str, Any]"
+    equations: "Mapping[str, Any]"
+    ties: "Mapping[str, Any]"
     surfaces: "Mapping[str, Any]"
     contacts: "Mapping[str, Any]"
     materials: "Mapping[str, Any]"

@@ -321,6 +321,39 @@ class Parts:
         """
         return self.part("supports", name, keys)
 
+    def equation(self, name: str, /, **keys: Any) -> str:
+        """Adds [equations.NAME] and returns the name: a linear equation between displacements of nodes of solids, exact,
+        or held by a stiffness.
+
+        body: text
+        terms: table, needed
+        value: number [length], default 0
+        stiffness: number [force/length], default 0
+        damping: number [force time/length], default 0
+        """
+        return self.part("equations", name, keys)
+
+    def tie(self, name: str, /, **keys: Any) -> str:
+        """Adds [ties.NAME] and returns the name: nodes of a solid that stay where they are on faces, to={"body": ...,
+        "face": ...}.
+
+        body: text, needed
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
+        near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
+        face: text. solids: a face set, held as attach says
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
+        edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
+            (where s or t is 0 or 1), or ["x0", "y1"], a corner
+        radius: number > 0 [length]
+        bore: {point, axis, radius, length}. solids: { point, axis, radius, length }, the outer faces on a cylinder
+            (mesh coordinates), for meshes without face sets
+        to: table, needed
+        tolerance: number > 0 [length]
+        """
+        return self.part("ties", name, keys)
+
     def surface(self, name: str, /, shape: str, **keys: Any) -> str:
         """Adds [surfaces.NAME], what a contact may touch, and returns the name.
 

@@ -56,6 +56,8 @@ class Mesh(TypedDict, total=False):
     """A mesh file, or a part that is meshed.
     file: text
     scale: number > 0, default 1
+    take: list of texts
+    step: whole number, default 0
     part: one of block, connecting-rod, chain-link, crank, guide, bladed-rotor, spur-gear, tyre
     unknowns: number > 0
     element: one of hex8, hex20, default hex8
@@ -113,6 +115,8 @@ class Mesh(TypedDict, total=False):
 
     file: str | PathLike[str]
     scale: Number
+    take: Texts
+    step: Whole
     part: Literal["block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear", "tyre"]
     unknowns: Number
     element: Literal["hex8", "hex20"]
@@ -1614,6 +1618,40 @@ class Parts:
         rotation: rotation [angle]. of the directions x, y, z, which are global ones, as of a body
         motion: {x, y, z}. { z = 1e-3 } or { z = "1e-3*sin(10*t)", x = "table(t)" }: displacements from the start,
             numbers or functions of time (also [splines])
+        """
+    def equation(
+        self, name: str, /, *, terms: Items[Mapping[str, Any]], body: str = ..., value: Number = ..., stiffness:
+        Number = ..., damping: Number = ...
+    ) -> str:
+        """Adds [equations.NAME], and returns the name.
+
+        body: text
+        terms: table, needed
+        value: number [length], default 0
+        stiffness: number [force/length], default 0
+        damping: number [force time/length], default 0
+        """
+    def tie(
+        self, name: str, /, *, body: str, to: Mapping[str, Any], node: Whole = ..., near: Vector = ..., face: str =
+        ..., nodes: str | Items[Whole] = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., tolerance:
+        Number = ...
+    ) -> str:
+        """Adds [ties.NAME], and returns the name.
+
+        body: text, needed
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
+        near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
+        face: text. solids: a face set, held as attach says
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
+        edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
+            (where s or t is 0 or 1), or ["x0", "y1"], a corner
+        radius: number > 0 [length]
+        bore: {point, axis, radius, length}. solids: { point, axis, radius, length }, the outer faces on a cylinder
+            (mesh coordinates), for meshes without face sets
+        to: table, needed
+        tolerance: number > 0 [length]
         """
     @overload
     def surface(

@@ -25,11 +25,11 @@ Point moved(const InpInstance& i, Point p) {
   return i.turned ? turned_about(i.axis_from, i.axis_to, i.degrees, p) : p;
 }
 
-class Flattener {
+class Flattener final : public InpLookup {
  public:
   explicit Flattener(const InpModel& model) : model_(model) { mesh_.name = model.path; }
 
-  Mesh run() {
+  Mesh run(const std::function<void(const InpLookup&)>& use) {
     check_instances();
     const auto keep = [](const Point& p) { return p; };
     if (model_.instances.empty())
@@ -43,10 +43,63 @@ class Flattener {
     add_sets();
     mesh_.materials = model_.materials;
     add_notices();
+    if (use) use(*this);
     return std::move(mesh_);
   }
 
+  [[nodiscard]] const Mesh& mesh() const override { return mesh_; }
+  [[nodiscard]] std::vector<std::string> homes(const std::string& scope) const override {
+    if (scope.empty() || model_.instances.empty()) return {""};
+    std::vector<std::string> names;
+    for (const InpInstance& i : model_.instances)
+      if (i.part == scope || i.own.name == scope) names.push_back(i.own.name);
+    return names;
+  }
+  [[nodiscard]] std::vector<Index> nodes(const InpMember& member, const std::string& home) const override {
+    return members(member, home, true);
+  }
+  [[nodiscard]] std::vector<Index> elements(const InpMember& member, const std::string& home) const override {
+    return members(member, home, false);
+  }
+  [[nodiscard]] bool faces(const InpMember& member, const std::string& home,
+                           std::vector<MeshFace>& out) const override {
+    const Labels& space = space_of(member, space_.at(home));
+    bool found = false;
+    for (const InpScope* scope : space.scopes)
+      if (const auto surface = scope->surfaces.find(member.name); surface != scope->surfaces.end()) {
+        add_faces(space, surface->second, out);
+        found = true;
+      }
+    return found;
+  }
+  [[nodiscard]] bool in_element_set(std::int64_t label, const std::string& set,
+                                    const std::string& home) const override {
+    return holds(inp_member(set, "", 0), space_.at(home), label, 0);
+  }
+
  private:
+  std::vector<Index> members(const InpMember& member, const std::string& home, bool nodes) const {
+    std::vector<Index> out;
+    resolve(member, space_.at(home), nodes, 0, out);
+    sort_unique(out);
+    return out;
+  }
+
+  [[nodiscard]] bool holds(const InpMember& entry, const Labels& home, std::int64_t label, int depth) const {
+    const Labels& space = space_of(entry, home);
+    if (entry.name.empty())
+      return label >= entry.first && label <= entry.last && (label - entry.first) % entry.step == 0;
+    constexpr int kDeepest = 32;
+    if (depth > kDeepest) return false;
+    for (const InpScope* scope : space.scopes)
+      if (const auto set = scope->element_sets.find(entry.name); set != scope->element_sets.end())
+        for (const InpMember& inner : set->second.entries) {
+          count_member(inner);
+          if (holds(inner, space, label, depth + 1)) return true;
+        }
+    return false;
+  }
+
   [[noreturn]] void fail(std::int64_t line, const std::string& message) const {
     throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", model_.path, line, message));
   }
@@ -60,8 +113,10 @@ class Flattener {
       for (const auto& [name, count] : counts) list.push_back(fmt::format("{} ({})", name, count));
       if (!list.empty()) mesh_.notices.push_back(fmt::format("{}: {}: {}", model_.path, what, fmt::join(list, ", ")));
     };
-    note("elements that were passed over", model_.passed_elements);
-    note("keywords that were passed over, for a model states loads, supports and steps itself", model_.passed_keywords);
+    if (!model_.is_deck) note("elements that were passed over", model_.passed_elements);
+    if (!model_.is_deck)
+      note("keywords that were passed over; take = \"all\" beside the file takes supports, loads and steps over",
+           model_.passed_keywords);
     note("continuum shells are read as solids; they bend well with hex8 = \"shell\"", model_.solid_shells);
   }
 
@@ -231,6 +286,11 @@ class Flattener {
   void add_surface(const Labels& space, const InpSet& surface) {
     const std::string name = spelling(surface_names_, surface.spelling);
     auto& faces = mesh_.face_sets[name];
+    add_faces(space, surface, faces);
+    if (faces.empty()) mesh_.face_sets.erase(name);
+  }
+
+  void add_faces(const Labels& space, const InpSet& surface, std::vector<MeshFace>& faces) const {
     for (const InpMember& entry : surface.entries) {
       std::vector<Index> elements;
       resolve(entry, space, false, 0, elements);
@@ -243,7 +303,6 @@ class Flattener {
         faces.push_back({e, entry.face});
       }
     }
-    if (faces.empty()) mesh_.face_sets.erase(name);
   }
 
   /// A material's name as *MATERIAL spells it.
@@ -273,7 +332,9 @@ class Flattener {
 
 }  // namespace
 
-Mesh flatten_inp(const InpModel& model) { return Flattener(model).run(); }
+Mesh flatten_inp(const InpModel& model, const std::function<void(const InpLookup&)>& use) {
+  return Flattener(model).run(use);
+}
 
 Mesh parse_inp(std::string content, const std::string& name) {
   return flatten_inp(parse_inp_text(std::move(content), name));

@@ -4,11 +4,13 @@
 
 #include <array>
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <set>
 #include <string>
 #include <vector>
 
+#include "dynamics/mesh/deck/inp_cards.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
 namespace espalier::dynamics {
@@ -70,11 +72,37 @@ struct InpModel {
   std::vector<MeshMaterial> materials;
   /// How many: elements by their types, keywords by their names, and solids that are read from continuum shells.
   std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
+  /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of solids.
+  bool is_deck = false;
+  std::vector<InpCard> cards;
+  int steps = 0;
+  std::set<std::string> solid_types;
 };
 
-/// Reads the text of the file `path`, and the files that it includes.
-InpModel parse_inp_text(std::string content, const std::string& path);
-/// Numbers nodes and elements and resolves sets. @throws Error naming the line of a reference that leads nowhere
-Mesh flatten_inp(const InpModel& model);
+/// Reads the text of the file `path`, and the files that it includes. @param deck  keep its cards
+InpModel parse_inp_text(std::string content, const std::string& path, bool deck = false);
+/// "12", "SET-1", "PART-1-1.12", "PART-1-1.SET-1". @param instance  that of names without one
+InpMember inp_member(std::string_view field, const std::string& instance, std::int64_t line);
+
+/// What names of a deck's cards mean, when the mesh stands. A home is the name space of an instance, or "".
+class InpLookup {
+ public:
+  virtual ~InpLookup() = default;
+  /// The homes that a card of this part or instance speaks for.
+  [[nodiscard]] virtual std::vector<std::string> homes(const std::string& scope) const = 0;
+  [[nodiscard]] virtual std::vector<Index> nodes(const InpMember& member, const std::string& home) const = 0;
+  [[nodiscard]] virtual std::vector<Index> elements(const InpMember& member, const std::string& home) const = 0;
+  /// @return false where there is no surface of elements of this name
+  [[nodiscard]] virtual bool faces(const InpMember& member, const std::string& home,
+                                   std::vector<MeshFace>& out) const = 0;
+  /// Whether a label is in a set of elements, those that are passed over too.
+  [[nodiscard]] virtual bool in_element_set(std::int64_t label, const std::string& set,
+                                            const std::string& home) const = 0;
+  [[nodiscard]] virtual const Mesh& mesh() const = 0;
+};
+
+/// Numbers nodes and elements and resolves sets. @param use  called when the mesh stands; perhaps none
+/// @throws Error naming the line of a reference that leads nowhere
+Mesh flatten_inp(const InpModel& model, const std::function<void(const InpLookup&)>& use = {});
 
 }  // namespace espalier::dynamics

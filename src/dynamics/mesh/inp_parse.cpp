@@ -62,10 +62,23 @@ class InpParser {
     else if (k.name == "*NMAP")
       reader.fail("*NMAP is not read; write the nodes out in full");
     else if (!is_idle_inp_keyword(k.name))
-      ++model_.passed_keywords[k.name];
+      pass_over(reader, k);
     std::string_view skipped;
     while (next_inp_data(reader, skipped)) {
     }
+  }
+
+  void pass_over(LineReader& reader, const InpKeyword& k) {
+    ++model_.passed_keywords[k.name];
+    if (!model_.is_deck) return;
+    if (k.name == "*STEP") ++model_.steps;
+    InpCard& card = add_card(reader, k);
+    std::string_view line;
+    while (next_inp_data(reader, line)) card.lines.emplace_back(reader.line(), line);
+  }
+  InpCard& add_card(const LineReader& reader, const InpKeyword& k) {
+    return model_.cards.emplace_back(
+        InpCard{k, {reader.path(), reader.line()}, {}, in_part_ || in_instance_ ? scope().name : "", model_.steps});
   }
 
   void begin_part(const std::string& name) {
@@ -115,7 +128,8 @@ class InpParser {
                       "SC8R, SC6R are, with letters behind them)",
                       name));
     InpSet* set = k.has("ELSET") ? &inp_set(scope().element_sets, k.get("ELSET")) : nullptr;
-    if (!type) return passed_over(reader, name, set);
+    if (!type) return passed_over(reader, k, name, set);
+    if (model_.is_deck) model_.solid_types.insert(name);
     std::string_view line;
     while (next_inp_data(reader, line)) {
       InpElement e{*type, 0, {}, reader.line()};
@@ -141,34 +155,18 @@ class InpParser {
 
   /// Elements that are no solids, surfaces or lines: masses, springs, connectors, rigid faces ...; what sets hold of
   /// them is left out. A line that ends with a comma goes on in the next.
-  void passed_over(LineReader& reader, const std::string& name, InpSet* set) {
+  void passed_over(LineReader& reader, const InpKeyword& k, const std::string& name, InpSet* set) {
+    InpCard* card = model_.is_deck ? &add_card(reader, k) : nullptr;
     std::string_view line;
     for (bool goes_on = false; next_inp_data(reader, line); goes_on = trim(line).back() == ',') {
+      if (card != nullptr && goes_on) card->lines.back().second += line;
       if (goes_on) continue;
+      if (card != nullptr) card->lines.emplace_back(reader.line(), line);
       const std::int64_t label = Fields(reader, line, ',').integer("element number");
       scope().passed_over.insert(label);
       ++model_.passed_elements[name];
       if (set != nullptr) set->entries.push_back(inp_labels(label, label, reader.line()));
     }
-  }
-
-  /// "12", "SET-1", "PART-1-1.12", "PART-1-1.SET-1"
-  static InpMember entry(std::string_view field, const std::string& instance, std::int64_t line) {
-    InpMember e;
-    e.instance = instance;
-    e.line = line;
-    std::string text = upper(inp_unquoted(field));
-    if (const std::size_t dot = text.find('.'); dot != std::string::npos) {
-      e.instance = text.substr(0, dot);
-      text = text.substr(dot + 1);
-    }
-    const bool number =
-        !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
-    if (number && text.size() < 18)
-      e.first = e.last = std::stoll(text);
-    else
-      e.name = text;
-    return e;
   }
 
   void set(LineReader& reader, const InpKeyword& k, InpSet& target) {
@@ -187,7 +185,7 @@ class InpParser {
         continue;
       }
       while (fields.next(field))
-        if (!field.empty()) target.entries.push_back(entry(field, instance, reader.line()));
+        if (!field.empty()) target.entries.push_back(inp_member(field, instance, reader.line()));
     }
   }
 
@@ -199,7 +197,7 @@ class InpParser {
     while (next_inp_data(reader, line)) {
       Fields fields(reader, line, ',');
       if (!fields.next(field) || field.empty()) continue;
-      InpMember e = entry(field, upper(k.get("INSTANCE")), reader.line());
+      InpMember e = inp_member(field, upper(k.get("INSTANCE")), reader.line());
       if (!fields.next(field) || field.size() != 2 || std::toupper(field[0]) != 'S' || field[1] < '1' || field[1] > '6')
         continue;  // sides of shells, free surfaces: no faces of solids
       e.face = field[1] - '1';
@@ -253,9 +251,28 @@ class InpParser {
 
 }  // namespace
 
-InpModel parse_inp_text(std::string content, const std::string& path) {
+InpMember inp_member(std::string_view field, const std::string& instance, std::int64_t line) {
+  InpMember e;
+  e.instance = instance;
+  e.line = line;
+  std::string text = upper(inp_unquoted(field));
+  if (const std::size_t dot = text.find('.'); dot != std::string::npos) {
+    e.instance = text.substr(0, dot);
+    text = text.substr(dot + 1);
+  }
+  const bool number =
+      !text.empty() && std::all_of(text.begin(), text.end(), [](unsigned char c) { return std::isdigit(c) != 0; });
+  if (number && text.size() < 18)
+    e.first = e.last = std::stoll(text);
+  else
+    e.name = text;
+  return e;
+}
+
+InpModel parse_inp_text(std::string content, const std::string& path, bool deck) {
   InpModel model;
   model.path = path;
+  model.is_deck = deck;
   InpParser(model).file(path, std::move(content), 0);
   return model;
 }

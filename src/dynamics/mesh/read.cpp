@@ -2,16 +2,37 @@
 
 #include <fmt/format.h>
 
+#include <filesystem>
+
+#include "dynamics/mesh/deck/deck.hpp"
 #include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/read/formats.hpp"
+#include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics {
+
+void complete_sets(Mesh& mesh) {
+  add_faces_of_surface_elements(mesh);
+  add_faces_of_node_sets(mesh);
+}
+
+Deck read_deck(const std::string& path, int step) {
+  const MeshFormat* format = mesh_format_of(path);
+  if (format == nullptr || format->deck == nullptr)
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("'{}' is no deck; 'take' is for files of Abaqus, CalculiX (.inp) and Nastran (.bdf, .nas, .dat)",
+                    path));
+  if (!std::filesystem::exists(path))
+    throw Error(StatusCode::invalid_input,
+                fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", path));
+  return format->deck(read_whole_file(path), path, step);
+}
 
 Mesh read_mesh(const std::string& path) {
   if (const MeshFormat* format = mesh_format_of(path); format != nullptr) {
     Mesh mesh = format->read(path);
-    add_faces_of_surface_elements(mesh);
-    add_faces_of_node_sets(mesh);
+    complete_sets(mesh);
     return mesh;
   }
   std::string known;

@@ -11,6 +11,8 @@ namespace espalier::dynamics {
 /// Reads a mesh by the ending of its name, in small or capital letters, which .gz may follow (read/formats.hpp).
 /// A node set is a face set too, where outer faces have all their nodes in it (see add_faces_of_node_sets).
 Mesh read_mesh(const std::string& path);
+/// The sets that read_mesh() adds to those of the file.
+void complete_sets(Mesh& mesh);
 
 /// Gmsh .msh, versions 2.0 to 2.2, 4.0 and 4.1, ASCII and binary (both byte orders are told apart, only the machine's
 /// own is read). Kept: nodes, elements of the shapes of ElementType (complete ones of second order lose the nodes in

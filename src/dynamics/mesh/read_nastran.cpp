@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <map>
 
+#include "dynamics/mesh/deck/nastran_deck.hpp"
 #include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/nastran_cards.hpp"
 #include "dynamics/mesh/read.hpp"
@@ -30,7 +31,13 @@ constexpr int kCardWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 
 
 class NastranReader {
  public:
-  NastranReader(std::string content, const std::string& name) : cards_(std::move(content), name) { mesh_.name = name; }
+  NastranReader(std::string content, const std::string& name, bool deck = false)
+      : cards_(std::move(content), name), is_deck_(deck) {
+    mesh_.name = name;
+  }
+  /// Of a deck, when the mesh is read.
+  [[nodiscard]] const std::vector<NastranCard>& deck_cards() const { return deck_cards_; }
+  [[nodiscard]] NastranSystems& systems() { return systems_; }
 
   Mesh read() {
     NastranCard card;
@@ -49,6 +56,9 @@ class NastranReader {
 
  private:
   void take(const NastranCard& card) {
+    if (is_deck_ &&
+        (card.name == "GRDSET" || (card.name == "GRID" && (!card.field(5).empty() || !card.field(6).empty()))))
+      deck_cards_.push_back(card);
     if (systems_.take(card, mesh_)) return;
     if (shape_of_card(card) != nullptr) return element_cards_.push_back(card);
     if (card.name == "MAT1") return materials_.push_back(card);
@@ -57,6 +67,7 @@ class NastranReader {
       solids_[card.integer(0, "property")] = card.integer(1, "material");
       return;
     }
+    if (is_deck_) return deck_cards_.push_back(card);
     if (card.name == "SPC" || card.name == "SPC1" || card.name == "FORCE") return places_.push_back(card);
     ++passed_over_[card.name];
   }
@@ -97,6 +108,7 @@ class NastranReader {
       turn_round(type, std::span(nodes).first(count));
       ++turned_;
     }
+    if (is_deck_ && shape_of(type).dimension == 2) deck_cards_.push_back(card);
     const std::size_t added = elements_.add(type, label, {nodes.data(), count});
     elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
   }
@@ -148,10 +160,15 @@ class NastranReader {
     if (passed_over_.empty()) return;
     std::vector<std::string> list;
     for (const auto& [name, count] : passed_over_) list.push_back(fmt::format("{} ({})", name, count));
-    mesh_.notices.push_back(fmt::format("{}: cards that were passed over: {}", mesh_.name, fmt::join(list, ", ")));
+    mesh_.notices.push_back(fmt::format(
+        "{}: cards that were passed over; take = \"all\" beside the file takes supports, loads and couplings "
+        "over: {}",
+        mesh_.name, fmt::join(list, ", ")));
   }
 
   NastranCards cards_;
+  bool is_deck_ = false;
+  std::vector<NastranCard> deck_cards_;
   Mesh mesh_;
   NastranSystems systems_;
   long turned_ = 0;                         // left-handed solids
@@ -167,6 +184,15 @@ class NastranReader {
 
 Mesh parse_nastran(std::string content, const std::string& name) {
   return NastranReader(std::move(content), name).read();
+}
+
+Deck parse_nastran_deck(std::string content, const std::string& name, int step) {
+  const NastranControl control = read_nastran_control(content, name);
+  NastranReader reader(std::move(content), name, true);
+  Deck deck;
+  deck.mesh = reader.read();
+  read_nastran_deck(reader.deck_cards(), control, reader.systems(), step, deck);
+  return deck;
 }
 
 Mesh read_nastran(const std::string& path) { return parse_nastran(read_whole_file(path), path); }

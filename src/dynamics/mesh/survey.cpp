@@ -9,6 +9,7 @@
 #include <map>
 #include <unordered_map>
 
+#include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -26,52 +27,6 @@ constexpr std::array<std::array<double, 2>, 4> kGauss = {{{-0.861136311594052575
                                                           {-0.33998104358485626480, 0.65214515486254614263},
                                                           {0.33998104358485626480, 0.65214515486254614263},
                                                           {0.86113631159405257522, 0.34785484513745385737}}};
-
-/// Shape functions of a face and their two derivatives. Triangles: r, s in the unit triangle; quadrilaterals: in [-1,
-/// 1].
-struct FaceFunctions {
-  std::array<double, 8> n{}, r{}, s{};
-};
-FaceFunctions face_functions(ElementType type, double r, double s) {
-  FaceFunctions f;
-  if (type == ElementType::tri3 || type == ElementType::tri6) {
-    const double l[3] = {1 - r - s, r, s}, lr[3] = {-1, 1, 0}, ls[3] = {-1, 0, 1};
-    for (std::size_t a = 0; a < 3; ++a) {
-      const bool second = type == ElementType::tri6;
-      f.n[a] = second ? l[a] * (2 * l[a] - 1) : l[a];
-      f.r[a] = second ? (4 * l[a] - 1) * lr[a] : lr[a];
-      f.s[a] = second ? (4 * l[a] - 1) * ls[a] : ls[a];
-      if (!second) continue;
-      const std::size_t b = (a + 1) % 3;
-      f.n[3 + a] = 4 * l[a] * l[b];
-      f.r[3 + a] = 4 * (lr[a] * l[b] + l[a] * lr[b]);
-      f.s[3 + a] = 4 * (ls[a] * l[b] + l[a] * ls[b]);
-    }
-    return f;
-  }
-  const bool second = type == ElementType::quad8;
-  constexpr double kR[4] = {-1, 1, 1, -1}, kS[4] = {-1, -1, 1, 1};
-  for (std::size_t a = 0; a < 4; ++a) {
-    const double x = 1 + kR[a] * r, y = 1 + kS[a] * s, z = kR[a] * r + kS[a] * s - 1;
-    f.n[a] = 0.25 * x * y * (second ? z : 1);
-    f.r[a] = 0.25 * kR[a] * y * (second ? z + x : 1);
-    f.s[a] = 0.25 * kS[a] * x * (second ? z + y : 1);
-  }
-  if (!second) return f;
-  for (const std::size_t a : {0U, 2U}) {  // on the edges s = -1 and s = 1
-    const double y = 1 + kS[a] * s;
-    f.n[4 + a] = 0.5 * (1 - r * r) * y;
-    f.r[4 + a] = -r * y;
-    f.s[4 + a] = 0.5 * (1 - r * r) * kS[a];
-  }
-  for (const std::size_t a : {1U, 3U}) {  // r = 1 and r = -1
-    const double x = 1 + kR[a] * r;
-    f.n[4 + a] = 0.5 * (1 - s * s) * x;
-    f.r[4 + a] = 0.5 * (1 - s * s) * kR[a];
-    f.s[4 + a] = -s * x;
-  }
-  return f;
-}
 
 /// Calls take(x, normal * area) at all points of a face. @param origin  subtracted from the places
 template <class Take>

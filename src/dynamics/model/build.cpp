@@ -32,6 +32,9 @@ class Builder {
     for (const JointSpec& joint : model_.joints) at_place(joint.place, [&] { add_joint(joint); });
     for (const SupportSpec& support : model_.supports)
       at_place(support.place, [&] { build_support(support, frames_, out_); });
+    for (const EquationSpec& equation : model_.equations)
+      at_place(equation.place, [&] { build_equation(equation, frames_, out_); });
+    for (const TieSpec& tie : model_.ties) at_place(tie.place, [&] { build_tie(tie, frames_, out_); });
     for (const ForceSpec& force : model_.forces) at_place(force.place, [&] { add_force(force); });
     for (std::size_t k = 0; k < joints_.size(); ++k)
       at_place(joints_[k].place, [&] { build_contacts(joints_[k], frames_, *out_.joints[k], out_); });

@@ -12,6 +12,7 @@
 #include "dynamics/mesh/sides.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/decks/taken.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -44,11 +45,26 @@ Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
   return std::visit(Visitor{own}, part.shape);
 }
 
-Mesh load_mesh(const MeshFile& file) {
+/// With the sets that the entries of the model name which the deck stands for.
+Mesh mesh_of_deck(const MeshFile& file, const std::string& body) {
+  Deck deck = read_deck(file.path, file.step);
+  TakenDeck taken = take_deck(deck, choice_of(file.take), body);
+  Mesh mesh = std::move(deck.mesh);
+  complete_sets(mesh);
+  for (auto& [name, nodes] : taken.node_sets) {
+    sort_unique(nodes);
+    mesh.node_sets[name] = std::move(nodes);
+  }
+  for (auto& [name, faces] : taken.face_sets) mesh.face_sets[name] = std::move(faces);
+  mesh.notices.insert(mesh.notices.end(), taken.notices.begin(), taken.notices.end());
+  return mesh;
+}
+
+Mesh load_mesh(const MeshFile& file, const std::string& body) {
   if (!std::filesystem::exists(file.path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.path));
-  Mesh mesh = read_mesh(file.path);
+  Mesh mesh = file.take.empty() ? read_mesh(file.path) : mesh_of_deck(file, body);
   for (Point& p : mesh.nodes)
     for (double& x : p) x *= file.scale;
   mesh.drop_unused_nodes();
@@ -159,8 +175,8 @@ std::string pieces_of(const Mesh& mesh, std::span<const Index> elements) {
 std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& solid, bool statics,
                                          base::ThreadPool& pool, BuiltBody& out) {
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
-  auto mesh =
-      std::make_shared<Mesh>(file != nullptr ? load_mesh(*file) : make_part(std::get<MeshPart>(solid.mesh), pool));
+  auto mesh = std::make_shared<Mesh>(file != nullptr ? load_mesh(*file, spec.name)
+                                                     : make_part(std::get<MeshPart>(solid.mesh), pool));
   out.material = material_of(*mesh, solid, statics, out.spec.massless);
   std::vector<Index> elements =
       solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));

@@ -105,6 +105,9 @@ class FrameBuilder {
 void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out);
 /// After all frames. @throws Error(invalid_input) with the place
 void build_support(const SupportSpec& spec, const FrameBuilder& frames, Mechanism& out);
+/// Likewise.
+void build_equation(const EquationSpec& spec, const FrameBuilder& frames, Mechanism& out);
+void build_tie(const TieSpec& spec, const FrameBuilder& frames, Mechanism& out);
 /// Stops and friction of a joint that is in the system already.
 void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out);
 /// Inputs of the program and switches; before build_functions().

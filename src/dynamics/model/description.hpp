@@ -59,7 +59,9 @@ struct PointSpec {
 /// A mesh from a file.
 struct MeshFile {
   std::string path;
-  double scale = 1;  ///< factor on all coordinates
+  double scale = 1;               ///< factor on all coordinates
+  std::vector<std::string> take;  ///< what else of the deck, see decks/take.hpp; empty: nothing
+  int step = 0;                   ///< of the deck; 0: the first
 };
 /// A block with given divisions.
 struct BlockMesh {
@@ -323,6 +325,29 @@ struct SupportSpec {
   bool symmetry = false;                            ///< about the plane across the first direction: slopes stay in it
 };
 
+/// A linear equation between displacements of nodes of solids from the start: exact, or held by a spring and a dashpot.
+struct EquationSpec {
+  struct Term {
+    MarkerSpec where;  ///< one node
+    int direction = 0;
+    double factor = 1;
+  };
+  Place place;
+  std::string name;
+  std::vector<Term> terms;
+  double value = 0;
+  bool elastic = false;
+  double stiffness = 0, damping = 0;
+};
+/// Nodes of a solid that stay where they are on faces of the same solid or another one.
+struct TieSpec {
+  Place place, to_place;
+  std::string name;
+  MarkerSpec where;
+  std::string to_body, to_face;
+  double tolerance = 0;  ///< nodes farther away are left free; 0: a twentieth of the face's extent
+};
+
 // Contact ------------------------------------------------------------------------------------------------------------
 
 /// A triangle mesh from a file; see contact/triangles.hpp.
@@ -485,6 +510,8 @@ struct Description {
   std::vector<JointSpec> joints;
   std::vector<ForceSpec> forces;
   std::vector<SupportSpec> supports;
+  std::vector<EquationSpec> equations;
+  std::vector<TieSpec> ties;
   std::vector<SurfaceSpec> surfaces;
   std::vector<ContactSpec> contacts;
   std::map<std::string, CurvePtr> splines;
@@ -513,6 +540,8 @@ void read_bodies(Section& root, Description& model);
 void read_joints(Section& root, Description& model);
 void read_forces(Section& root, Description& model);
 void read_supports(Section& root, Description& model);
+/// [equations] and [ties].
+void read_equations(Section& root, Description& model);
 /// Whether the text asks for linear statics, which needs no densities; without a word to what is wrong in it.
 [[nodiscard]] bool asks_for_linear_statics(const Value& root);
 /// The keys of a marker that say where on a body it is.

@@ -7,7 +7,8 @@
 #include <new>
 
 #include "base/stage.hpp"
-#include "dynamics/mesh/text_file.hpp"
+#include "dynamics/mesh/read/formats.hpp"
+#include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/runner.hpp"
 
@@ -40,7 +41,8 @@ ModelModesPoint modes_at(const std::string& text, const std::string& name, const
   options.out.clear();
   dynamics::model::Value root = dynamics::model::parse_toml(text, name);
   dynamics::model::expand(root, options.set);
-  if (root.find("integrator") == nullptr && root.find("statics") == nullptr)  // nothing is run
+  if (root.find("integrator") == nullptr && root.find("statics") == nullptr &&
+      !dynamics::is_deck(name))  // nothing is run
     set_value(root, "integrator.end", dynamics::model::parse_assignment("end=1").value);
   dynamics::model::Description model = dynamics::model::read_description(root, name);
   if (count > 0) model.initial.modes = count;
@@ -88,7 +90,7 @@ ModelModesResult model_modes(const std::string& path, const std::string& number,
                              int count, const SimulationOptions& options) {
   std::string text;
   try {
-    text = dynamics::read_whole_file(path);
+    text = dynamics::model::read_model_text(path);
   } catch (const Error& error) {
     ModelModesResult result;
     result.status = error.status();

@@ -324,7 +324,8 @@ class BodyReader {
 
   std::variant<MeshFile, MeshPart> read_mesh_source(Section s) const {
     if (s.has("file")) {
-      MeshFile file{beside_model(s.text("file")), s.positive("scale", 1)};
+      MeshFile file{beside_model(s.text("file")), s.positive("scale", 1), s.texts("take"), 0};
+      if (!file.take.empty()) file.step = s.integer("step", 1, 0);
       s.finish();
       return file;
     }

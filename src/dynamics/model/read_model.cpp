@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "dynamics/model/check/part_keys.hpp"
+#include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
 
@@ -239,6 +240,8 @@ void check_names(const Description& model) {
   for (const JointSpec& joint : model.joints) take(joint.name, joint.place);
   for (const ForceSpec& force : model.forces) take(force.name, force.place);
   for (const SupportSpec& support : model.supports) take(support.name, support.place);
+  for (const EquationSpec& equation : model.equations) take(equation.name, equation.place);
+  for (const TieSpec& tie : model.ties) take(tie.name, tie.place);
   for (const ContactSpec& contact : model.contacts) take(contact.name, contact.place);
 }
 
@@ -275,7 +278,10 @@ void set_rotation(Description& model) {
   }
 }
 
-Description read_description(const Value& root_value, const std::string& file) try {
+namespace {
+
+/// Of a text in which nothing is taken from decks any more.
+Description read_whole(const Value& root_value, const std::string& file) try {
   Description model;
   model.file = file;
   model.folder = std::filesystem::path(file).parent_path().string();
@@ -293,6 +299,7 @@ Description read_description(const Value& root_value, const std::string& file) t
   read_joints(root, model);
   read_forces(root, model);
   read_supports(root, model);
+  read_equations(root, model);
   read_surfaces(root, model);
   read_events(root, model);
   bind_curves(model);
@@ -323,6 +330,15 @@ Description read_description(const Value& root_value, const std::string& file) t
 } catch (const Error& error) {
   if (error.status().code == StatusCode::invalid_input) refuse_unknown_sections(root_value, error);
   throw;
+}
+
+}  // namespace
+
+Description read_description(const Value& root, const std::string& file) {
+  if (!takes_decks(root)) return read_whole(root, file);
+  Value taken = root;
+  take_decks(taken, std::filesystem::path(file).parent_path().string());
+  return read_whole(taken, file);
 }
 
 }  // namespace espalier::dynamics::model

@@ -5,7 +5,7 @@
 #include <stdexcept>
 
 #include "base/output_file.hpp"
-#include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/runner.hpp"
 #include "espalier/dynamics.hpp"
@@ -62,7 +62,7 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 Status Simulation::load(const std::string& path) {
   std::string text;
-  const Status status = impl_->guard([&] { text = dynamics::read_whole_file(path); });
+  const Status status = impl_->guard([&] { text = dynamics::model::read_model_text(path); });
   return status.ok() ? load_text(text, path) : status;
 }
 

@@ -20,7 +20,8 @@ constexpr MeshFormat kFormats[] = {
      "*ELCOPY; *SYSTEM, *NODE in cylindrical and spherical coordinates",
      "masses, springs, dashpots, connectors, rigid faces, couplings and other elements; supports, loads, steps: "
      "counted "
-     "in notices. *NMAP is refused"},
+     "in notices, or taken over by `take`. *NMAP is refused",
+     parse_inp_deck},
     {".msh", "Gmsh", read_gmsh,
      "points, lines, triangles, quadrilaterals, tetrahedra, hexahedra, wedges of order 1 and 2, pyramid5",
      "physical groups by name, or `2-7` (dimension and tag)", "versions 2.0 to 2.2, 4.0 and 4.1, text and binary",
@@ -33,7 +34,7 @@ constexpr MeshFormat kFormats[] = {
      "`property-N`; grid points held or loaded: `SPC-N`, `FORCE-N`",
      "PSOLID and MAT1; CORD1R, CORD1C, CORD1S, CORD2R, CORD2C, CORD2S, GRDSET; INCLUDE; fields of 8, of 16 columns and "
      "between commas, continuation lines anywhere, cards repeated by `=`",
-     "other cards: counted in a notice"},
+     "other cards: counted in a notice, or taken over by `take`", parse_nastran_deck},
     {".cdb", "Ansys (CDWRITE)", read_cdb,
      "SOLID185, 186, 187, 285, 45, 95, 92, 190 with their tetrahedra, wedges and pyramid5; SHELL181, 281, 63, 93; "
      "LINK180, "
@@ -74,6 +75,11 @@ const MeshFormat* mesh_format_of(const std::string& path) {
     }
   }
   return nullptr;
+}
+
+bool is_deck(const std::string& path) {
+  const MeshFormat* format = mesh_format_of(path);
+  return format != nullptr && format->deck != nullptr;
 }
 
 std::string mesh_formats_table() {

@@ -6,6 +6,7 @@
 #include <span>
 #include <string>
 
+#include "dynamics/mesh/deck/deck.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
 namespace espalier::dynamics {
@@ -18,6 +19,7 @@ struct MeshFormat {
   const char* sets;         ///< what becomes sets, and their names
   const char* more;         ///< materials, coordinates, files of files
   const char* passed_over;  ///< with a notice, or refused
+  Deck (*deck)(std::string content, const std::string& name, int step) = nullptr;  ///< null: they are meshes alone
 };
 
 /// All that read_mesh() reads.
@@ -25,6 +27,9 @@ struct MeshFormat {
 
 /// The row of a file by the ending of its name, in small or capital letters, which .gz may follow; null: none.
 [[nodiscard]] const MeshFormat* mesh_format_of(const std::string& path);
+
+/// Whether a file of this name is a deck that can be run by itself: Abaqus, CalculiX, Nastran.
+[[nodiscard]] bool is_deck(const std::string& path);
 
 /// The table in Markdown.
 [[nodiscard]] std::string mesh_formats_table();

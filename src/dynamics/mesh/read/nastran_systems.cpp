@@ -136,6 +136,19 @@ Point NastranSystems::node(const NastranCard& card, std::int64_t label, Mesh& me
   return place;
 }
 
+std::array<Point, 3> NastranSystems::axes(const NastranCard& card, std::int64_t id, const Point& at, Mesh& mesh) {
+  if (id == 0) return {Point{1, 0, 0}, Point{0, 1, 0}, Point{0, 0, 1}};
+  files_.push_back(card.path);
+  const System& s = system(id, {id, card.line, files_.size() - 1}, mesh, 0);
+  if (s.kind == 'R') return {s.x, s.y, s.z};
+  const Point arm = minus(at, s.at);
+  const Point around = unit(cross(s.z, arm));
+  if (!std::isfinite(around[0])) card.fail(fmt::format("coordinate system {} has no directions on its axis", id));
+  if (s.kind == 'C') return {cross(around, s.z), around, s.z};
+  const Point outwards = unit(arm);
+  return {outwards, cross(around, outwards), around};
+}
+
 void NastranSystems::resolve(Mesh& mesh) {
   if (default_ != 0) {
     files_.push_back(mesh.name);

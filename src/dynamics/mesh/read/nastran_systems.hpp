@@ -2,6 +2,7 @@
 /// Coordinate systems and grid points of Nastran: all in the basic system at last.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
 #include <unordered_map>
@@ -23,6 +24,9 @@ class NastranSystems {
   void resolve(Mesh& mesh);
   /// Grid point -> node.
   [[nodiscard]] const std::unordered_map<std::int64_t, Index>& nodes() const { return index_; }
+  /// The directions of a system's coordinates at a place, in the basic system; 0: the basic system itself.
+  /// @throws Error naming the card where there is none, or at the axis of a system
+  [[nodiscard]] std::array<Point, 3> axes(const NastranCard& card, std::int64_t id, const Point& at, Mesh& mesh);
 
  private:
   struct System {

@@ -8,7 +8,7 @@ std::span<const PartKeys> all_part_keys() {
   static constexpr PartKeys kPartKeys[] = {
       {"", "",
        "title units gravity markers statics integrator initial harmonic output solver bodies joints forces "
-       "materials surfaces contacts inputs sensors events splines supports parameters repeat"},
+       "materials surfaces contacts inputs sensors events splines supports equations ties parameters repeat"},
       {"integrator", "",
        "start steps end method relative absolute absolute_velocity test_velocity max_order order "
        "initial_step max_step min_step step constraint_tolerance max_newton newton_tolerance refactor_rate "
@@ -150,6 +150,10 @@ std::span<const PartKeys> all_part_keys() {
        "most_nodes"},
       {"supports", "",
        "body node near face nodes edge radius bore hold symmetry rotation motion"},
+      {"equations", "",
+       "body terms value stiffness damping"},
+      {"ties", "",
+       "body node near face nodes edge radius bore to tolerance"},
       {"splines", "",
        "kind outside points file x_scale y_scale separator x y"},
       {"events", "",

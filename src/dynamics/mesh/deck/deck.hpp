@@ -1,0 +1,154 @@
+/// \file
+/// What a deck (Abaqus, CalculiX, Nastran) states beside its mesh: supports, loads, springs, couplings and a step,
+/// whatever program it was written for.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "dynamics/mesh/mesh.hpp"
+
+namespace espalier::dynamics {
+
+/// What can be taken from a deck, by the words of `take`.
+enum class DeckKind : std::uint8_t {
+  boundary,   ///< displacements that are held or led
+  cload,      ///< forces and moments at nodes
+  dload,      ///< pressures on faces
+  gravity,    ///< accelerations of gravity
+  springs,    ///< to the ground and between nodes
+  dashpots,   ///< likewise
+  masses,     ///< of nodes
+  couplings,  ///< rigid bodies, kinematic and distributing couplings
+  equations,  ///< linear equations of displacements
+  ties,       ///< surfaces that are welded
+  step,       ///< statics, modes, or a motion
+  others      ///< what cannot be taken
+};
+inline constexpr std::array<const char*, 11> kDeckWords = {
+    "boundary", "cload", "dload", "gravity", "springs", "dashpots", "masses", "couplings", "equations", "ties", "step"};
+
+struct DeckPlace {
+  std::string file;
+  std::int64_t line = 0;
+};
+/// @throws Error(invalid_input) "file:line: message"
+[[noreturn]] void fail(const DeckPlace& place, const std::string& message);
+
+/// Nodes, elements and directions are indices of Deck::mesh, from 0; directions 3 to 5 are rotations about x, y, z.
+/// `curve` is a factor over time, -1: none. Directions are those of the node's own axes, where it has some.
+struct DeckHold {
+  DeckPlace place;
+  Index node = 0;
+  int direction = 0;
+  double value = 0;
+  int curve = -1;
+};
+struct DeckForce {
+  DeckPlace place;
+  Index node = 0;
+  int direction = 0;
+  double value = 0;
+  int curve = -1;
+  int step = 0;  ///< that states it
+};
+struct DeckPressure {
+  DeckPlace place;
+  MeshFace face;
+  double value = 0;  ///< positive towards the face
+  int curve = -1;
+  int step = 0;  ///< that states it
+};
+struct DeckGravity {
+  DeckPlace place;
+  std::vector<Index> elements;  ///< empty: all
+  Point acceleration{};
+  int step = 0;  ///< that states it
+};
+/// A spring and a dashpot between two nodes, along the line between them or along one direction.
+struct DeckSpring {
+  DeckPlace place;
+  Index a = 0, b = -1;  ///< b: -1: the ground
+  int direction = -1;   ///< -1: along the line
+  double stiffness = 0, damping = 0;
+};
+struct DeckMass {
+  DeckPlace place;
+  Index node = 0;
+  double mass = 0;
+  Point offset{};
+  std::array<double, 6> inertia{};  ///< xx, yy, zz, xy, xz, yz about the mass itself
+};
+/// The sum of factor * displacement is `value`.
+struct DeckEquation {
+  struct Term {
+    Index node = 0;
+    int direction = 0;
+    double factor = 0;
+  };
+  DeckPlace place;
+  std::vector<Term> terms;
+  double value = 0;
+};
+/// Nodes that go with a reference node: as one rigid piece, or in the mean.
+struct DeckCoupling {
+  DeckPlace place;
+  Index reference = 0;
+  std::vector<Index> nodes;
+  bool rigid = true;
+  std::vector<MeshFace> faces{};  ///< of couplings in the mean: nodes count by the areas of these; empty: all alike
+};
+/// Nodes that stay where they are on faces.
+struct DeckTie {
+  DeckPlace place;
+  std::vector<Index> nodes;
+  std::vector<MeshFace> faces;
+  double tolerance = 0;  ///< of the distance; 0: a tenth of the faces' size
+};
+struct DeckStep {
+  enum class Kind : std::uint8_t { none, statics, modes, motion };
+  DeckPlace place;
+  Kind kind = Kind::none;
+  bool large = false;  ///< displacements are not small
+  bool fixed = false;  ///< steps of the motion all have the length `increment`
+  int modes = 0;
+  double period = 1, increment = 0, alpha = -0.05;
+};
+/// What a deck states and nobody takes.
+struct DeckLeft {
+  DeckPlace place;  ///< of the first
+  long count = 0;
+};
+
+struct Deck {
+  Mesh mesh;
+  std::vector<DeckHold> holds;
+  std::vector<DeckForce> forces;
+  std::vector<DeckPressure> pressures;
+  std::vector<DeckGravity> gravity;
+  std::vector<DeckSpring> springs, dashpots;
+  std::vector<DeckMass> masses;
+  std::vector<DeckCoupling> couplings;
+  std::vector<DeckEquation> equations;
+  std::vector<DeckTie> ties;
+  std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
+  std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
+  DeckStep step;
+  int steps = 0;               ///< that the deck has
+  std::string hex8;            ///< formulation of 8-node hexahedra that the deck names; empty: none or several
+  bool reduced_hex20 = false;  ///< all 20-node hexahedra are integrated at 8 points
+  std::map<std::pair<DeckKind, std::string>, DeckLeft> left;  ///< by what it is called
+};
+
+/// Reads a deck. @param step  the one to be taken, from 1, with what those before it leave; 0: the first
+/// @throws Error(invalid_input) "file:line: what, and what to do"; for files that are no decks
+Deck read_deck(const std::string& path, int step = 0);
+/// Of .inp and Nastran files; `name` stands for the file in messages.
+Deck parse_inp_deck(std::string content, const std::string& name, int step = 0);
+Deck parse_nastran_deck(std::string content, const std::string& name, int step = 0);
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,87 @@
+// What the cards of an .inp deck name.
+#include <fmt/format.h>
+
+#include "dynamics/mesh/deck/inp_deck.hpp"
+
+namespace espalier::dynamics {
+
+/// Calls find(member, home) in each name space that the card speaks for; errors get the place of the line, which may be
+/// in another file than the mesh.
+template <class Find>
+void InpTarget::in_homes(const InpCard& card, const CardFields& f, std::size_t k, const Find& find) const {
+  if (!f.has(k)) fail(f.place(), fmt::format("{}: field {} is missing", card.keyword.name, k + 1));
+  const InpMember member = inp_member(f.text(k), "", f.place().line);
+  for (const std::string& home : lookup_.homes(card.scope)) {
+    try {
+      find(member, home);
+    } catch (const Error& error) {
+      const std::string prefix = fmt::format("{}:{}: ", model_.path, f.place().line), text = error.what();
+      if (!text.starts_with(prefix) || text.starts_with(prefix + card.keyword.name)) throw;
+      fail(f.place(), fmt::format("{}: {}", card.keyword.name, text.substr(prefix.size())));
+    }
+  }
+}
+
+std::vector<Index> InpTarget::nodes(const InpCard& card, const CardFields& f, std::size_t k) const {
+  std::vector<Index> all;
+  in_homes(card, f, k, [&](const InpMember& member, const std::string& home) {
+    const std::vector<Index> found = lookup_.nodes(member, home);
+    if (found.empty())
+      fail(f.place(), member.name.empty() ? fmt::format("{}: node {} is not defined", card.keyword.name, f.text(k))
+                                          : fmt::format("{}: node set {} has no nodes", card.keyword.name, f.text(k)));
+    all.insert(all.end(), found.begin(), found.end());
+  });
+  return all;
+}
+
+Index InpTarget::node(const InpCard& card, const CardFields& f, std::size_t k) const {
+  const std::vector<Index> all = nodes(card, f, k);
+  if (all.size() != 1)
+    fail(f.place(), fmt::format("{}: '{}' must be one node, not {}", card.keyword.name, f.text(k), all.size()));
+  return all.front();
+}
+
+std::vector<Index> InpTarget::elements(const InpCard& card, const CardFields& f) const {
+  std::vector<Index> all;
+  if (!f.has(0)) {
+    for (Index e = 0; e < lookup_.mesh().element_count(); ++e) all.push_back(e);
+    return all;
+  }
+  in_homes(card, f, 0, [&](const InpMember& member, const std::string& home) {
+    const std::vector<Index> found = lookup_.elements(member, home);
+    all.insert(all.end(), found.begin(), found.end());
+  });
+  return all;
+}
+
+std::vector<MeshFace> InpTarget::faces(const InpCard& card, const CardFields& f, std::size_t k) const {
+  std::vector<MeshFace> all;
+  in_homes(card, f, k, [&](const InpMember& member, const std::string& home) {
+    if (member.name.empty() || !lookup_.faces(member, home, all))
+      fail(f.place(), fmt::format("{}: there is no surface '{}' of elements", card.keyword.name, f.text(k)));
+  });
+  return all;
+}
+
+std::vector<Index> InpTarget::surface_nodes(const InpCard& card, const CardFields& f, std::size_t k,
+                                            std::vector<MeshFace>* faces) const {
+  std::vector<Index> all;
+  in_homes(card, f, k, [&](const InpMember& member, const std::string& home) {
+    std::vector<MeshFace> found;
+    const std::vector<Index> nodes = !member.name.empty() && lookup_.faces(member, home, found)
+                                         ? lookup_.mesh().nodes_of_faces(found)
+                                         : lookup_.nodes(member, home);
+    all.insert(all.end(), nodes.begin(), nodes.end());
+    if (faces != nullptr) faces->insert(faces->end(), found.begin(), found.end());
+  });
+  sort_unique(all);
+  if (all.empty()) fail(f.place(), fmt::format("{}: '{}' has no nodes", card.keyword.name, f.text(k)));
+  return all;
+}
+
+void InpTarget::leave(DeckKind kind, const std::string& what, const DeckPlace& place) const {
+  DeckLeft& left = deck_.left[{kind, what}];
+  if (left.count++ == 0) left.place = place;
+}
+
+}  // namespace espalier::dynamics

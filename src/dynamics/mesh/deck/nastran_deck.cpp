@@ -1,0 +1,500 @@
+#include "dynamics/mesh/deck/nastran_deck.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <set>
+#include <unordered_map>
+
+#include "dynamics/mesh/names.hpp"
+
+namespace espalier::dynamics {
+namespace {
+
+DeckPlace place_of(const NastranCard& card) { return {card.path, card.line}; }
+
+/// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
+bool is_harmless_card(const std::string& name) {
+  static constexpr std::string_view kHarmless[] = {
+      "PARAM", "PSHELL", "PCOMP",   "PBAR",    "PBARL",   "PBEAM",  "PROD",   "PELAS", "PDAMP",  "PBUSH",
+      "EIGRL", "EIGR",   "SET1",    "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "MAT9",  "EPOINT", "ASET",
+      "ASET1", "USET",   "MONPNT1", "AECOMP",  "AELIST",  "AEFACT", "AESTAT", "SPOINT"};
+  return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
+}
+
+/// Degrees of freedom of a field: "123".
+std::vector<int> directions_of(const NastranCard& card, std::size_t k) {
+  std::vector<int> out;
+  for (const char c : card.field(k)) {
+    if (c == '0') continue;
+    if (c < '1' || c > '6')
+      card.fail(
+          fmt::format("field {}: '{}' are no degrees of freedom; they are digits from 1 to 6", k + 2, card.field(k)));
+    out.push_back(c - '1');
+  }
+  return out;
+}
+
+class NastranDeckReader {
+ public:
+  NastranDeckReader(const std::vector<NastranCard>& cards, const NastranControl& control, NastranSystems& systems,
+                    int wanted, Deck& deck)
+      : cards_(cards), control_(control), systems_(systems), deck_(deck) {
+    deck.steps = static_cast<int>(control.cases.size());
+    if (wanted > deck.steps)
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("{}: there is no subcase {}; the deck has {}", deck.mesh.name, wanted, deck.steps));
+    case_ = control.cases[static_cast<std::size_t>(std::max(wanted, 1) - 1)];
+    for (Index e = 0; e < deck.mesh.element_count(); ++e) elements_.emplace(deck.mesh.element_label(e), e);
+  }
+
+  void run() {
+    for (const NastranCard& card : cards_) note(card);
+    case_.spc = chosen(case_.spc, {"SPC", "SPC1", "SPCADD"});
+    case_.mpc = chosen(case_.mpc, {"MPC", "MPCADD"});
+    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "LOAD"});
+    solution();
+    const std::set<std::int64_t> spc = sum_of_sets("SPCADD", case_.spc), mpc = sum_of_sets("MPCADD", case_.mpc);
+    for (const NastranCard& card : cards_)
+      if (card.name == "GRID") grid_card(card);
+    grid_defaults();
+    for (const NastranCard& card : cards_) {
+      if ((card.name == "SPC" || card.name == "SPC1") && spc.contains(card.integer(0, "set"))) support(card);
+      if (card.name == "MPC" && mpc.contains(card.integer(0, "set"))) equation(card);
+      read(card);
+    }
+    for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
+    if (case_.load) loads(*case_.load, 1, 0);
+    for (const auto& [key, force] : forces_) deck_.forces.push_back(force);
+  }
+
+ private:
+  void leave(DeckKind kind, const std::string& what, const DeckPlace& place) {
+    DeckLeft& left = deck_.left[{kind, what}];
+    if (left.count++ == 0) left.place = place;
+  }
+
+  void note(const NastranCard& card) {
+    if (card.name == "PELAS" || card.name == "PDAMP")
+      for (const std::size_t k : {0U, card.name == "PELAS" ? 4U : 2U})
+        if (!card.field(k).empty()) values_[{card.name, card.integer(k, "property")}] = card.real(k + 1, "value");
+    if (card.name == "PBUSH") bushes_[card.integer(0, "property")] = &card;
+    if (card.name == "EIGRL" || card.name == "EIGR") methods_[card.integer(0, "set")] = &card;
+    if (card.name == "GRDSET") defaults_ = &card;
+    if (card.name == "LOAD" || card.name == "FORCE" || card.name == "MOMENT" || card.name == "PLOAD4" ||
+        card.name == "GRAV")
+      load_cards_[card.integer(0, "set")].push_back(&card);
+  }
+
+  /// Where the case control chooses none of a kind: none; where there is no case control, the only one.
+  std::optional<std::int64_t> chosen(const std::optional<std::int64_t>& stated,
+                                     std::initializer_list<const char*> kinds) {
+    if (stated || control_.stated) return stated;
+    std::set<std::int64_t> all, sums;
+    const NastranCard* last = nullptr;
+    for (const NastranCard& card : cards_) {
+      const auto is = [&](const char* kind) { return card.name == kind; };
+      if (!std::any_of(kinds.begin(), kinds.end(), is)) continue;
+      const bool sum = card.name == "LOAD" || card.name.ends_with("ADD");
+      (sum ? sums : all).insert(card.integer(0, "set"));
+      last = &card;
+    }
+    const std::set<std::int64_t>& from = sums.empty() ? all : sums;
+    if (from.size() > 1)
+      last->fail(fmt::format(
+          "there are {} sets of such cards, and no case control (before BEGIN BULK) says which is taken", from.size()));
+    return from.empty() ? std::nullopt : std::optional(*from.begin());
+  }
+
+  void solution() {
+    for (const std::string& word : case_.left) leave(DeckKind::step, word, case_.place);
+    DeckStep& step = deck_.step;
+    step.place = case_.place;
+    const std::string& s = control_.solution;
+    if (s.empty() && !case_.load) {  // a mesh
+      deck_.steps = 0;
+    } else if (s.empty() || s == "101" || s == "1" || s == "SESTATIC" || s == "SESTATICS") {
+      step.kind = DeckStep::Kind::statics;
+    } else if (s == "103" || s == "3" || s == "SEMODES") {
+      step.kind = DeckStep::Kind::modes;
+      const auto method = case_.method ? methods_.find(*case_.method) : methods_.begin();
+      if (method == methods_.end()) fail(case_.place, "SOL 103 needs METHOD = N and a card EIGRL of that number");
+      const NastranCard& card = *method->second;
+      step.modes = static_cast<int>(
+          std::clamp<std::int64_t>(card.integer(card.name == "EIGRL" ? 3 : 5, "number of modes", 0), 0, 100000));
+      if (step.modes < 1) card.fail("states no number of modes (ND)");
+    } else {
+      leave(DeckKind::step, fmt::format("SOL {}", s), control_.place);
+    }
+  }
+
+  /// The sets that an SPCADD or MPCADD adds up.
+  std::set<std::int64_t> sum_of_sets(const char* kind, const std::optional<std::int64_t>& set) {
+    if (!set) return {};
+    std::set<std::int64_t> out = {*set};
+    for (const NastranCard& card : cards_)
+      if (card.name == kind && card.integer(0, "set") == *set)
+        for (std::size_t k = 1; k < card.fields.size(); ++k)
+          if (!card.field(k).empty()) out.insert(card.integer(k, "set"));
+    return out;
+  }
+
+  void read(const NastranCard& card) {
+    const std::string& n = card.name;
+    if (n == "CELAS1" || n == "CELAS2" || n == "CDAMP1" || n == "CDAMP2") return scalar_spring(card);
+    if (n == "CBUSH") return bush(card);
+    if (n == "CONM2") return mass(card);
+    if (n == "RBE2") return rigid(card);
+    if (n == "RBE3") return mean(card);
+    static constexpr std::string_view kElsewhere[] = {"SPC",    "SPC1", "SPCADD", "MPC",  "MPCADD", "FORCE",
+                                                      "MOMENT", "LOAD", "PLOAD4", "GRAV", "GRDSET", "GRID"};
+    if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
+      return;
+    // Loads that no subcase takes do nothing.
+    static constexpr std::string_view kLoads[] = {"PLOAD",  "PLOAD1", "PLOAD2", "TEMP",    "TEMPD",
+                                                  "RFORCE", "FORCE1", "FORCE2", "MOMENT1", "MOMENT2",
+                                                  "ACCEL",  "ACCEL1", "SPCD",   "DEFORM"};
+    if (std::find(std::begin(kLoads), std::end(kLoads), n) != std::end(kLoads)) {
+      if (!case_.load || card.integer(0, "set") != *case_.load) return;
+      return leave(DeckKind::dload, n, place_of(card));
+    }
+    leave(DeckKind::others, n, place_of(card));
+  }
+
+  [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const {
+    const std::int64_t label = card.integer(k, "grid point");
+    const auto found = systems_.nodes().find(label);
+    if (found == systems_.nodes().end()) card.fail(fmt::format("grid point {} is not defined", label));
+    return found->second;
+  }
+
+  /// Grid points of fields from `k` on: labels, and ranges of those that are defined ("1 THRU 9").
+  [[nodiscard]] std::vector<Index> grids(const NastranCard& card, std::size_t k) {
+    std::vector<Index> out;
+    for (; k < card.fields.size(); ++k) {
+      if (card.field(k).empty()) continue;
+      if (upper(card.field(k + 1)) != "THRU") {
+        out.push_back(grid(card, k));
+        continue;
+      }
+      if (by_label_.empty()) by_label_.insert(systems_.nodes().begin(), systems_.nodes().end());
+      const std::int64_t first = card.integer(k, "first grid point"), last = card.integer(k + 2, "last grid point");
+      for (auto it = by_label_.lower_bound(first); it != by_label_.end() && it->first <= last; ++it) {
+        constexpr std::size_t kFree = 1000000, kEach = 100;
+        if (++members_ > kFree + kEach * by_label_.size()) card.fail("the ranges up to here name too many grid points");
+        out.push_back(it->second);
+      }
+      k += 2;
+    }
+    return out;
+  }
+
+  void hold(const NastranCard& card, Index node, int direction, double value) {
+    const auto [known, added] =
+        holds_.try_emplace({node, direction}, DeckHold{place_of(card), node, direction, value, -1});
+    if (!added && known->second.value != value)
+      card.fail(fmt::format(
+          "grid point {} is to move by {:g} in direction {}, and by {:g} in line {}; leave one of them out",
+          node_name(deck_.mesh, node), value, direction + 1, known->second.value, known->second.place.line));
+  }
+
+  void support(const NastranCard& card) {
+    if (card.name == "SPC1") {
+      const std::vector<int> directions = directions_of(card, 1);
+      for (const Index node : grids(card, 2))
+        for (const int d : directions) hold(card, node, d, 0);
+      return;
+    }
+    for (const std::size_t k : {1U, 4U})
+      if (!card.field(k).empty())
+        for (const int d : directions_of(card, k + 1))
+          hold(card, grid(card, k), d, card.real(k + 2, "displacement", 0));
+  }
+
+  /// Permanent supports, and axes of displacements.
+  void grid_card(const NastranCard& card) {
+    const Index node = grid(card, 0);
+    if (!card.field(5).empty()) give_axes(card, node, card.integer(5, "system of displacements"));
+    if (card.field(6).empty()) return;
+    own_supports_.insert(node);
+    for (const int d : directions_of(card, 6)) hold(card, node, d, 0);
+  }
+  /// What GRDSET says holds for those that say nothing.
+  void grid_defaults() {
+    if (defaults_ == nullptr) return;
+    const std::int64_t system = defaults_->integer(5, "system of displacements", 0);
+    const std::vector<int> directions = directions_of(*defaults_, 6);
+    if (system <= 0 && directions.empty()) return;
+    for (const auto& [label, node] : systems_.nodes()) {
+      if (!own_axes_.contains(node)) give_axes(*defaults_, node, system);
+      if (own_supports_.contains(node)) continue;
+      for (const int d : directions) hold(*defaults_, node, d, 0);
+    }
+  }
+  void give_axes(const NastranCard& card, Index node, std::int64_t system) {
+    own_axes_.insert(node);
+    if (system > 0)  // -1: a point of a fluid
+      deck_.axes[node] = systems_.axes(card, system, deck_.mesh.nodes[static_cast<std::size_t>(node)], deck_.mesh);
+  }
+
+  // Springs, masses, couplings ----------------------------------------------------------------------------------------
+
+  void scalar_spring(const NastranCard& card) {
+    const bool damper = card.name.starts_with("CDAMP"), by_property = card.name.ends_with('1');
+    double value = 0;
+    if (by_property) {
+      const auto found = values_.find({damper ? "PDAMP" : "PELAS", card.integer(1, "property")});
+      if (found == values_.end())
+        card.fail(fmt::format("there is no {} {}", damper ? "PDAMP" : "PELAS", card.integer(1, "property")));
+      value = found->second;
+    } else {
+      value = card.real(1, "value");
+    }
+    struct End {
+      Index node;
+      int direction;
+    };
+    std::vector<End> ends;
+    for (const std::size_t k : {2U, 4U}) {
+      if (card.field(k).empty() || card.field(k) == "0") continue;
+      const std::vector<int> directions = directions_of(card, k + 1);
+      if (directions.size() != 1) card.fail(fmt::format("field {}: one degree of freedom is needed", k + 3));
+      ends.push_back({grid(card, k), directions.front()});
+    }
+    if (ends.empty()) card.fail("names no grid point");
+    const DeckKind kind = damper ? DeckKind::dashpots : DeckKind::springs;
+    if (ends.size() == 2 && ends[0].direction != ends[1].direction)
+      return leave(kind, fmt::format("{} between different directions", card.name), place_of(card));
+    for (const End& end : ends)
+      if (deck_.axes.contains(end.node))
+        return leave(kind, fmt::format("{} along axes of a grid point", card.name), place_of(card));
+    DeckSpring out{place_of(card), ends[0].node, ends.size() == 2 ? ends[1].node : -1, ends[0].direction, 0, 0};
+    (damper ? out.damping : out.stiffness) = value;
+    (damper ? deck_.dashpots : deck_.springs).push_back(out);
+  }
+
+  void bush(const NastranCard& card) {
+    const auto found = bushes_.find(card.integer(1, "property", card.integer(0, "number")));
+    if (found == bushes_.end()) card.fail("its PBUSH is not there");
+    for (const std::size_t k : {4U, 5U, 6U})
+      if (!card.field(k).empty()) return leave(DeckKind::springs, "CBUSH with an orientation vector", place_of(card));
+    if (!card.field(7).empty() && card.field(7) != "0")
+      return leave(DeckKind::springs, "CBUSH in a coordinate system", place_of(card));
+    const NastranCard& property = *found->second;
+    const Index a = grid(card, 2), b = card.field(3).empty() || card.field(3) == "0" ? -1 : grid(card, 3);
+    if (b >= 0) {
+      const Point &p = deck_.mesh.nodes[static_cast<std::size_t>(a)],
+                  &q = deck_.mesh.nodes[static_cast<std::size_t>(b)];
+      if (p != q) return leave(DeckKind::springs, "CBUSH between different places", place_of(card));
+    }
+    for (std::size_t k = 1; k < property.fields.size(); ++k) {
+      const std::string word = upper(property.field(k));
+      if (word != "K" && word != "B") continue;
+      for (std::size_t d = 0; d < 6; ++d) {
+        const double value = property.real(k + 1 + d, "value", 0);
+        if (value == 0) continue;
+        DeckSpring out{place_of(card), a, b, static_cast<int>(d), 0, 0};
+        (word == "K" ? out.stiffness : out.damping) = value;
+        (word == "K" ? deck_.springs : deck_.dashpots).push_back(out);
+      }
+      k += 6;
+    }
+  }
+
+  void mass(const NastranCard& card) {
+    if (const std::int64_t system = card.integer(2, "coordinate system", 0); system != 0)
+      return leave(DeckKind::masses, "CONM2 in a coordinate system", place_of(card));
+    DeckMass out{place_of(card), grid(card, 1), card.real(3, "mass"), {}, {}};
+    if (!(out.mass > 0)) card.fail(fmt::format("the mass, {:g}, is not above 0", out.mass));
+    for (std::size_t d = 0; d < 3; ++d) out.offset[d] = card.real(4 + d, "offset", 0);
+    constexpr std::size_t kPlaces[] = {8, 10, 13, 9, 11, 12};  // I11, I22, I33, I21, I31, I32
+    for (std::size_t k = 0; k < 6; ++k)
+      out.inertia[k] = (k < 3 ? 1 : -1) * card.real(kPlaces[k], "moment of inertia", 0);
+    deck_.masses.push_back(out);
+  }
+
+  void rigid(const NastranCard& card) {
+    DeckCoupling out{place_of(card), grid(card, 1), {}, true};
+    const std::vector<int> directions = directions_of(card, 2);
+    if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
+      return leave(DeckKind::couplings, "RBE2 of some directions", place_of(card));
+    NastranCard points = card;  // without the factor of thermal expansion behind the last point
+    while (!points.fields.empty() &&
+           (points.fields.back().empty() || points.fields.back().find('.') != std::string::npos))
+      points.fields.pop_back();
+    out.nodes = grids(points, 3);
+    add_coupling(card, std::move(out));
+  }
+
+  void mean(const NastranCard& card) {
+    DeckCoupling out{place_of(card), grid(card, 2), {}, false};
+    std::optional<double> weight;
+    for (std::size_t k = 4; k < card.fields.size(); ++k) {
+      const std::string& field = card.field(k);
+      if (field.empty()) continue;
+      if (upper(field) == "UM") return leave(DeckKind::couplings, "RBE3 with UM", place_of(card));
+      if (upper(field) == "ALPHA") break;
+      if (field.find('.') == std::string::npos) {
+        out.nodes.push_back(grid(card, k));
+        continue;
+      }
+      const double here = card.real(k, "weight");
+      if (weight && here != *weight) return leave(DeckKind::couplings, "RBE3 with different weights", place_of(card));
+      weight = here;
+      const std::vector<int> directions = directions_of(card, ++k);
+      if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
+        return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
+    }
+    add_coupling(card, std::move(out));
+  }
+
+  void add_coupling(const NastranCard& card, DeckCoupling out) {
+    if (std::find(out.nodes.begin(), out.nodes.end(), out.reference) != out.nodes.end())
+      card.fail(fmt::format("grid point {} depends on itself", node_name(deck_.mesh, out.reference)));
+    sort_unique(out.nodes);
+    if (out.nodes.empty()) card.fail("couples no grid points");
+    deck_.couplings.push_back(std::move(out));
+  }
+
+  void equation(const NastranCard& card) {
+    DeckEquation out{place_of(card), {}, 0};
+    for (std::size_t k = 1; k < card.fields.size(); k += k % 8 == 1 ? 3 : 5) {  // two terms a line, then a blank
+      if (card.field(k).empty()) continue;
+      const std::vector<int> directions = directions_of(card, k + 1);
+      if (directions.size() != 1) card.fail(fmt::format("field {}: one degree of freedom is needed", k + 3));
+      out.terms.push_back({grid(card, k), directions.front(), card.real(k + 2, "coefficient")});
+    }
+    if (out.terms.empty()) card.fail("has no terms");
+    deck_.equations.push_back(std::move(out));
+  }
+
+  // Loads -------------------------------------------------------------------------------------------------------------
+
+  void loads(std::int64_t set, double factor, int depth) {
+    constexpr int kDeepest = 8;
+    const auto found = load_cards_.find(set);
+    if (found == load_cards_.end()) {
+      if (depth == 0)
+        leave(DeckKind::cload, fmt::format("LOAD = {}, which no card states that is read,", set), case_.place);
+      return;
+    }
+    for (const NastranCard* card : found->second) {
+      if (card->name == "LOAD") {
+        if (depth > kDeepest) card->fail("loads refer to one another in a circle");
+        const double all = card->real(1, "factor");
+        for (std::size_t k = 2; k + 1 < card->fields.size(); k += 2)
+          if (!card->field(k + 1).empty())
+            loads(card->integer(k + 1, "set"), factor * all * card->real(k, "factor"), depth + 1);
+      } else if (card->name == "FORCE" || card->name == "MOMENT") {
+        force(*card, factor);
+      } else if (card->name == "GRAV") {
+        const Point g = vector_of(*card, 1, 2, 3, nullptr);
+        DeckGravity out{place_of(*card), {}, {factor * g[0], factor * g[1], factor * g[2]}, 0};
+        deck_.gravity.push_back(out);
+      } else {
+        pressure(*card, factor);
+      }
+    }
+  }
+
+  /// Magnitude times vector of a card in a system, in basic axes.
+  Point vector_of(const NastranCard& card, std::size_t system, std::size_t magnitude, std::size_t first,
+                  const Point* at) {
+    Point local{}, out{};
+    for (std::size_t d = 0; d < 3; ++d)
+      local[d] = card.real(magnitude, "magnitude") * card.real(first + d, "direction", 0);
+    const std::int64_t id = card.integer(system, "coordinate system", 0);
+    if (id == 0) return local;
+    const std::array<Point, 3> axes = systems_.axes(card, id, at != nullptr ? *at : Point{1, 0, 0}, deck_.mesh);
+    for (std::size_t d = 0; d < 3; ++d)
+      for (std::size_t e = 0; e < 3; ++e) out[e] += local[d] * axes[d][e];
+    return out;
+  }
+
+  void force(const NastranCard& card, double factor) {
+    const Index node = grid(card, 1);
+    const Point f = vector_of(card, 2, 3, 4, &deck_.mesh.nodes[static_cast<std::size_t>(node)]);
+    const auto axes = deck_.axes.find(node);
+    for (std::size_t d = 0; d < 3; ++d) {
+      double value = factor * f[d];  // directions are those of the node
+      if (axes != deck_.axes.end())
+        value = factor * (f[0] * axes->second[d][0] + f[1] * axes->second[d][1] + f[2] * axes->second[d][2]);
+      if (value == 0) continue;
+      const int direction = static_cast<int>(d) + (card.name == "MOMENT" ? 3 : 0);
+      auto [known, added] =
+          forces_.try_emplace({node, direction}, DeckForce{place_of(card), node, direction, 0, -1, 0});
+      known->second.value += value;
+    }
+  }
+
+  void pressure(const NastranCard& card, double factor) {
+    const auto found = elements_.find(card.integer(1, "element"));
+    if (found == elements_.end())
+      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
+    const Index element = found->second;
+    const double value = card.real(2, "pressure");
+    for (const std::size_t k : {3U, 4U, 5U})
+      if (!card.field(k).empty() && card.real(k, "pressure") != value)
+        return leave(DeckKind::dload, "PLOAD4 with pressures that differ over the face", place_of(card));
+    for (std::size_t k = 8; k < card.fields.size(); ++k)
+      if (!card.field(k).empty()) return leave(DeckKind::dload, "PLOAD4 along a direction", place_of(card));
+    if (shape_of(deck_.mesh.type(element)).dimension < 3)
+      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
+    deck_.pressures.push_back({place_of(card), {element, face_of(card, element)}, factor * value, -1, 0});
+  }
+
+  /// The face with corner G1, and with G3 opposite to it (of quadrilaterals) or without G4 (of tetrahedra).
+  int face_of(const NastranCard& card, Index element) {
+    const auto nodes = deck_.mesh.element(element);
+    const ElementShape& shape = shape_of(deck_.mesh.type(element));
+    const Index first = grid(card, 6), other = card.field(7).empty() ? -1 : grid(card, 7);
+    std::vector<int> fitting;
+    for (std::size_t f = 0; f < shape.faces.size(); ++f) {
+      const auto corners = static_cast<std::size_t>(shape_of(shape.faces[f].type).corners);
+      std::size_t at = corners, beside = corners;
+      for (std::size_t a = 0; a < corners; ++a) {
+        const Index node = nodes[static_cast<std::size_t>(shape.faces[f].nodes[a])];
+        if (node == first) at = a;
+        if (node == other) beside = a;
+      }
+      if (at == corners) continue;
+      const bool tetrahedron = shape.corners == 4;
+      const bool fits = tetrahedron    ? other >= 0 && beside == corners
+                        : corners == 4 ? beside != corners && (at + 2) % 4 == beside
+                                       : other < 0 || beside != corners;
+      if (fits) fitting.push_back(static_cast<int>(f));
+    }
+    if (fitting.size() != 1)
+      card.fail(fmt::format("G1 and G3 (of tetrahedra G4) name {} faces of element {}; one is needed", fitting.size(),
+                            element_name(deck_.mesh, element)));
+    return fitting.front();
+  }
+
+  const std::vector<NastranCard>& cards_;
+  const NastranControl& control_;
+  NastranSystems& systems_;
+  Deck& deck_;
+  NastranCase case_;
+  std::unordered_map<std::int64_t, Index> elements_;
+  std::map<std::int64_t, Index> by_label_;
+  std::size_t members_ = 0;
+  std::map<std::pair<std::string, std::int64_t>, double> values_;  // of PELAS and PDAMP
+  std::map<std::int64_t, const NastranCard*> bushes_, methods_;
+  std::map<std::int64_t, std::vector<const NastranCard*>> load_cards_;
+  const NastranCard* defaults_ = nullptr;  // GRDSET
+  std::set<Index> own_axes_, own_supports_;
+  std::map<std::pair<Index, int>, DeckHold> holds_;
+  std::map<std::pair<Index, int>, DeckForce> forces_;
+};
+
+}  // namespace
+
+void read_nastran_deck(const std::vector<NastranCard>& cards, const NastranControl& control, NastranSystems& systems,
+                       int wanted, Deck& deck) {
+  NastranDeckReader(cards, control, systems, wanted, deck).run();
+}
+
+}  // namespace espalier::dynamics

@@ -1,0 +1,17 @@
+/// \file
+/// Shape functions of the faces of solids.
+#pragma once
+
+#include <array>
+
+#include "dynamics/mesh/mesh.hpp"
+
+namespace espalier::dynamics {
+
+/// Shape functions of a face and their derivatives at (r, s): of triangles from 0 to 1, of quadrilaterals from -1 to 1.
+struct FaceFunctions {
+  std::array<double, 8> n{}, r{}, s{};
+};
+[[nodiscard]] FaceFunctions face_functions(ElementType type, double r, double s);
+
+}  // namespace espalier::dynamics

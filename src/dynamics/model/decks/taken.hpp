@@ -1,0 +1,41 @@
+/// \file
+/// The entries of a model that a deck stands for, and the sets of its mesh that they name.
+#pragma once
+
+#include <map>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "dynamics/mesh/deck/deck.hpp"
+#include "dynamics/model/value.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Words of `take`: "all", or some of kDeckWords.
+struct DeckChoice {
+  bool all = false;
+  std::set<DeckKind> kinds;
+  [[nodiscard]] bool takes(DeckKind kind) const { return all || kinds.contains(kind); }
+};
+/// @throws Error(invalid_input) with the place of a word that is none
+[[nodiscard]] DeckChoice read_choice(const Value& take);
+[[nodiscard]] DeckChoice choice_of(const std::vector<std::string>& words);
+
+struct TakenDeck {
+  struct Entry {
+    std::string section, name;
+    Value value;
+  };
+  std::vector<Entry> entries;
+  std::vector<std::pair<std::string, Value>> body_keys;  ///< of the body, where it does not state them
+  std::vector<std::pair<std::string, Value>> run;        ///< sections of the run
+  std::map<std::string, std::vector<Index>> node_sets;
+  std::map<std::string, std::vector<MeshFace>> face_sets;
+  std::vector<std::string> notices;
+};
+/// The same for the same deck and choice, whenever it is asked.
+/// @param body  name of the body whose mesh it is
+[[nodiscard]] TakenDeck take_deck(const Deck& deck, const DeckChoice& choice, const std::string& body);
+
+}  // namespace espalier::dynamics::model

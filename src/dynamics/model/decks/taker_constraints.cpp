@@ -1,0 +1,187 @@
+// Springs, equations, ties and couplings of a deck.
+#include <cmath>
+
+#include "dynamics/model/decks/taker.hpp"
+
+namespace espalier::dynamics::model {
+
+void Taker::springs(const std::vector<DeckSpring>& list, const char* what) {
+  for (const DeckSpring& s : list) {
+    const std::string entry = fresh_name(what);
+    if (s.direction >= 0 && s.b >= 0 && !is_ground(s.a) && !is_ground(s.b)) {
+      spring_between(s, entry);
+      continue;
+    }
+    const ValueMaker m = maker(s.place, "forces", entry);
+    if (s.direction < 0) {
+      if (at(s.a) == at(s.b))
+        dynamics::fail(s.place,
+                       fmt::format("the spring along the line between nodes {} and {} has no direction: they lie at "
+                                   "the same place",
+                                   name(s.a), name(s.b)));
+      add("forces", entry,
+          m.table({{"type", m.text("spring")},
+                   {"a", frame(m, s.a)},
+                   {"b", frame(m, s.b)},
+                   {"stiffness", m.number(s.stiffness)},
+                   {"damping", m.number(s.damping)},
+                   {"rest", m.text("initial")}}));
+      continue;
+    }
+    const Index node = s.b >= 0 && is_ground(s.a) ? s.b : s.a;
+    if (is_ground(node)) continue;
+    if (s.direction >= 3 && role(node) != NodeRole::rigid_reference && role(node) != NodeRole::mean_reference)
+      dynamics::fail(s.place, fmt::format("a spring acts on the rotation of node {}, which does not turn", name(node)));
+    Point linear{}, angular{}, damping{}, angular_damping{};
+    const auto d = static_cast<std::size_t>(s.direction % 3);
+    (s.direction < 3 ? linear : angular)[d] = s.stiffness;
+    (s.direction < 3 ? damping : angular_damping)[d] = s.damping;
+    Point place = at(node);
+    if (role(node) == NodeRole::mean_reference) place = mean_of(node);
+    add("forces", entry,
+        m.table({{"type", m.text("bushing")},
+                 {"a", m.table({{"body", m.text("ground")}, {"point", m.vector(place)}})},
+                 {"b", frame(m, node)},
+                 {"stiffness", m.vector(linear)},
+                 {"damping", m.vector(damping)},
+                 {"angular_stiffness", m.vector(angular)},
+                 {"angular_damping", m.vector(angular_damping)}}));
+  }
+}
+
+Point Taker::mean_of(Index reference) const {
+  const DeckCoupling& c = deck_.couplings[static_cast<std::size_t>(references_.at(reference))];
+  Point mean{};
+  const auto add = [&](Index node, double weight) {
+    for (std::size_t d = 0; d < 3; ++d) mean[d] += weight * at(node)[d];
+  };
+  double total = 0;
+  for (const MeshFace& face : c.faces) {  // as the frame on a face has it: each face's area in equal parts
+    const std::vector<Index> nodes = deck_.mesh.face_nodes(face);
+    const std::size_t corners = nodes.size() > 4 ? nodes.size() / 2 : nodes.size();
+    Point area{};
+    for (std::size_t k = 0; k < corners; ++k)
+      for (std::size_t d = 0; d < 3; ++d) {
+        const Point &a = at(nodes[k]), &b = at(nodes[(k + 1) % corners]);
+        area[d] += 0.5 * (a[(d + 1) % 3] * b[(d + 2) % 3] - a[(d + 2) % 3] * b[(d + 1) % 3]);
+      }
+    const double size = std::hypot(area[0], area[1], area[2]);
+    total += size;
+    for (const Index n : nodes) add(n, size / static_cast<double>(nodes.size()));
+  }
+  if (c.faces.empty())
+    for (const Index n : c.nodes) add(n, 1);
+  for (double& x : mean) x /= c.faces.empty() ? static_cast<double>(c.nodes.size()) : total;
+  return mean;
+}
+
+void Taker::spring_between(const DeckSpring& s, const std::string& entry) {
+  if (role(s.a) != NodeRole::solid || role(s.b) != NodeRole::solid || s.direction > 2)
+    dynamics::fail(
+        s.place, fmt::format("the spring along {} between nodes {} and {} is not taken, since they are not both nodes "
+                             "of solids; springs along the line between them are (SPRINGA)",
+                             "xyz"[s.direction % 3], name(s.a), name(s.b)));
+  const ValueMaker m = maker(s.place, "equations", entry);
+  Value equation = terms(m, {{s.a, s.direction, -1}, {s.b, s.direction, 1}});
+  if (s.stiffness != 0) equation.entries.emplace_back("stiffness", m.number(s.stiffness));
+  if (s.damping != 0) equation.entries.emplace_back("damping", m.number(s.damping));
+  add("equations", entry, std::move(equation));
+}
+
+Value Taker::terms(const ValueMaker& m, const std::vector<DeckEquation::Term>& list) {
+  std::vector<Value> items;
+  for (const DeckEquation::Term& t : list) {
+    Value item = m.table({});
+    name_node(m, t.node, item);
+    item.entries.emplace_back("direction", m.text(std::string(1, "xyz"[t.direction])));
+    item.entries.emplace_back("factor", m.number(t.factor));
+    items.push_back(std::move(item));
+  }
+  return m.table({{"body", m.text(body_)}, {"terms", m.list(std::move(items))}});
+}
+
+void Taker::equations() {
+  std::set<std::pair<Index, int>> held, dependent;
+  for (const DeckHold& h : deck_.holds) held.emplace(h.node, h.direction);
+  for (const DeckEquation& e : deck_.equations) {
+    std::vector<DeckEquation::Term> list;
+    for (const DeckEquation::Term& t : e.terms) {
+      if (t.factor == 0 && &t == e.terms.data())
+        dynamics::fail(
+            e.place,
+            fmt::format("the first factor of the equation is 0: its node {} is the one that follows the others; "
+                        "give another one first",
+                        name(t.node)));
+      if (t.factor == 0) continue;
+      if (role(t.node) == NodeRole::alone && grounded_.contains(t.node)) continue;
+      if (role(t.node) != NodeRole::solid || t.direction > 2)
+        dynamics::fail(
+            e.place,
+            fmt::format("the equation has {} of node {}, which belongs to no solid; equations of displacements of "
+                        "solids are taken",
+                        t.direction > 2 ? "a rotation" : "a displacement", name(t.node)));
+      if (deck_.axes.contains(t.node))
+        dynamics::fail(
+            e.place, fmt::format("the equation has node {}, which has axes of its own (*TRANSFORM): that is not taken",
+                                 name(t.node)));
+      list.push_back(t);
+    }
+    const std::pair first(list.empty() ? -1 : list.front().node, list.empty() ? 0 : list.front().direction);
+    if (list.empty()) continue;
+    if (choice_.takes(DeckKind::boundary) && held.contains(first))
+      dynamics::fail(
+          e.place, fmt::format("node {} follows others by this equation, and is held along {}; put a term that is free "
+                               "first, or take the support out",
+                               name(first.first), "xyz"[first.second]));
+    if (!dependent.insert(first).second)
+      dynamics::fail(
+          e.place,
+          fmt::format("node {} follows others along {} by an equation before this one already; put another term "
+                      "first",
+                      name(first.first), "xyz"[first.second]));
+    if (rigid_nodes_.contains(first.first))
+      dynamics::fail(e.place, fmt::format("node {} follows others by this equation and belongs to a rigid coupling",
+                                          name(first.first)));
+    const std::string entry = fresh_name("equation");
+    const ValueMaker m = maker(e.place, "equations", entry);
+    add("equations", entry, terms(m, list));
+  }
+}
+
+void Taker::ties() {
+  for (const DeckTie& t : deck_.ties) {
+    const std::string entry = fresh_name("tie");
+    const ValueMaker m = maker(t.place, "ties", entry);
+    out_.face_sets["deck-" + entry] = t.faces;
+    Value tie = m.table({{"body", m.text(body_)},
+                         {"nodes", m.text(node_set("deck-" + entry, t.nodes))},
+                         {"to", m.table({{"body", m.text(body_)}, {"face", m.text("deck-" + entry)}})}});
+    if (t.tolerance > 0) tie.entries.emplace_back("tolerance", m.number(t.tolerance));
+    add("ties", entry, std::move(tie));
+  }
+}
+
+void Taker::couplings() {
+  for (const DeckCoupling& c : deck_.couplings) {
+    const std::string entry = coupling_name(c.reference);
+    const ValueMaker m = maker(c.place, "markers", entry);
+    Value marker = m.table({{"body", m.text(body_)}, {"attach", m.text(c.rigid ? "rigid" : "mean")}});
+    if (!c.rigid && !c.faces.empty()) {
+      out_.face_sets["deck-" + entry] = c.faces;
+      marker.entries.emplace_back("face", m.text("deck-" + entry));
+    } else {
+      marker.entries.emplace_back("nodes", m.text(node_set("deck-" + entry, c.nodes)));
+    }
+    if (c.rigid) marker.entries.emplace_back("point", m.vector(at(c.reference)));
+    marker.entries.emplace_back("most_nodes", m.whole(0));
+    add("markers", entry, std::move(marker));
+    outputs_.push_back(entry + ".position");
+    if (!c.rigid) continue;
+    // What makes the nodes one piece where nothing else holds on to the reference node.
+    const ValueMaker f = maker(c.place, "forces", entry + "_piece");
+    add("forces", entry + "_piece",
+        f.table({{"type", f.text("load")}, {"a", f.text(entry)}, {"force", f.vector(Point{})}}));
+  }
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,86 @@
+#include "dynamics/model/equations/face_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "dynamics/mesh/face_functions.hpp"
+
+namespace espalier::dynamics::model {
+
+FaceSearch::FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place) {
+  for (const MeshFace& f : faces) {
+    Face face{
+        shape_of(mesh.type(f.element)).faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), {}, {}, 0};
+    face.centre.setZero();
+    for (const Index n : face.nodes) {
+      face.places.push_back(place(n));
+      face.centre += face.places.back() / static_cast<double>(face.nodes.size());
+    }
+    for (const Vec3& x : face.places) face.radius = std::max(face.radius, (x - face.centre).norm());
+    faces_.push_back(std::move(face));
+  }
+}
+
+/// Shares of the nodes, and the distance: Gauss and Newton's steps in the face's two coordinates, kept on the face.
+std::pair<std::vector<double>, double> FaceSearch::project(const Face& face, const Vec3& point) {
+  constexpr int kSteps = 50;
+  constexpr double kRest = 1e-15;
+  const bool triangle = shape_of(face.type).corners == 3;
+  double r = triangle ? 1.0 / 3 : 0, s = r;
+  FaceFunctions f;
+  Vec3 x;
+  const auto evaluate = [&](Vec3& by_r, Vec3& by_s) {
+    f = face_functions(face.type, r, s);
+    x.setZero();
+    by_r.setZero();
+    by_s.setZero();
+    for (std::size_t a = 0; a < face.places.size(); ++a) {
+      x += f.n[a] * face.places[a];
+      by_r += f.r[a] * face.places[a];
+      by_s += f.s[a] * face.places[a];
+    }
+  };
+  Vec3 xr, xs;
+  for (int step = 0; step < kSteps; ++step) {
+    evaluate(xr, xs);
+    const Vec3 d = point - x;
+    const double a = xr.dot(xr), b = xr.dot(xs), c = xs.dot(xs), u = xr.dot(d), v = xs.dot(d), det = a * c - b * b;
+    if (!(det > 0)) break;
+    double to_r = r + (c * u - b * v) / det, to_s = s + (a * v - b * u) / det;
+    if (triangle) {
+      to_r = std::clamp(to_r, 0.0, 1.0);
+      to_s = std::clamp(to_s, 0.0, 1.0);
+      if (const double over = to_r + to_s - 1; over > 0) {
+        to_r = std::clamp(to_r - 0.5 * over, 0.0, 1.0);
+        to_s = 1 - to_r;
+      }
+    } else {
+      to_r = std::clamp(to_r, -1.0, 1.0);
+      to_s = std::clamp(to_s, -1.0, 1.0);
+    }
+    const double moved = std::abs(to_r - r) + std::abs(to_s - s);
+    r = to_r;
+    s = to_s;
+    if (moved < kRest) break;
+  }
+  evaluate(xr, xs);
+  return {{f.n.begin(), f.n.begin() + static_cast<std::ptrdiff_t>(face.places.size())}, (point - x).norm()};
+}
+
+FacePoint FaceSearch::nearest(const Vec3& point) const {
+  FacePoint best;
+  best.distance = std::numeric_limits<double>::infinity();
+  for (const Face& face : faces_) {
+    if ((point - face.centre).norm() - face.radius >= best.distance) continue;
+    const auto [weights, distance] = project(face, point);
+    if (!(distance < best.distance)) continue;
+    best.distance = distance;
+    best.extent = 2 * face.radius;
+    best.weights.clear();
+    for (std::size_t a = 0; a < weights.size(); ++a) best.weights.emplace_back(face.nodes[a], weights[a]);
+  }
+  return best;
+}
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Decks that run as they are. Truth: the numbers of CalculiX 2.20 for decks.py, seven digits; all nodes and more decks:
+bench/dynamics/decks_beside_ccx.py, which prints these numbers, too."""
+
+import csv
+import json
+import unittest
+
+import decks
+from cli_test import Cli
+
+# Displacements of the three nodes that move most; frequencies.
+CALCULIX = {
+    'loads C3D4': {63: [2.968465e-06, 1.234556e-05, -3.457874e-05], 61: [-4.034758e-06, 1.273036e-05, -3.453819e-05], 62: [-5.571895e-07, 1.254658e-05, -3.449383e-05]},
+    'loads C3D10': {321: [6.194986e-06, 1.006167e-05, -6.890209e-05], 309: [-9.403483e-06, 9.417412e-06, -6.886207e-05], 323: [2.1838e-06, 9.893886e-06, -6.870021e-05]},
+    'loads C3D20': {198: [8.909069e-06, 1.220289e-05, -8.562655e-05], 191: [-9.405879e-06, 1.238156e-05, -8.557025e-05], 201: [4.150657e-06, 1.219032e-05, -8.533189e-05]},
+    'loads C3D20R': {198: [9.181079e-06, 1.189146e-05, -8.658326e-05], 191: [-9.543324e-06, 1.235398e-05, -8.644421e-05], 201: [4.1957e-06, 1.195452e-05, -8.596458e-05]},
+    'loads C3D8': {61: [-5.785333e-06, 1.267839e-05, -5.152843e-05], 63: [4.81622e-06, 1.215719e-05, -5.151744e-05], 62: [-5.113747e-07, 1.241601e-05, -5.142236e-05]},
+    'loads C3D8I': {59: [7.575772e-06, 9.511794e-06, -5.085532e-05], 61: [-7.541256e-06, 9.573209e-06, -5.075932e-05], 55: [-3.927541e-06, 1e-05, -5.074025e-05]},
+    'springs C3D10': {171: [1.602372e-05, 2.855146e-06, -7.11283e-06], 174: [1.488869e-05, 2.775297e-06, -5.181925e-06], 175: [1.485525e-05, 2.843713e-06, -7.066733e-06]},
+    'springs C3D20R': {108: [1.680497e-05, 2.751227e-06, -7.02994e-06], 110: [1.507398e-05, 3.062231e-06, -4.898189e-06], 109: [1.503861e-05, 3.043258e-06, -6.904263e-06]},
+    'tie C3D20': {1082: [-5.355828e-06, 2.326434e-08, -4.804861e-05], 1094: [5.355828e-06, -2.326434e-08, -4.804861e-05], 1101: [-5.355828e-06, -2.326434e-08, -4.804861e-05]},
+    'tie C3D20R': {1082: [-5.375867e-06, 2.963447e-08, -4.826948e-05], 1094: [5.375867e-06, -2.963447e-08, -4.826948e-05], 1101: [-5.375867e-06, -2.963447e-08, -4.826948e-05]},
+    'tie C3D8': {1028: [-1.725924e-06, 6.077922e-10, -1.579804e-05], 1032: [1.725924e-06, -6.077922e-10, -1.579804e-05], 1034: [-1.725924e-06, -6.077922e-10, -1.579804e-05]},
+    'rigid C3D20R': {112: [-4.911723e-07, 7.295841e-07, -2.813635e-06], 114: [5.086593e-08, 3.990557e-08, -2.813635e-06], 122: [-2.201532e-07, 3.847448e-07, -2.813635e-06]},
+    'rigid C3D4': {37: [-1.7674e-07, 3.140385e-07, -1.12379e-06], 38: [6.449268e-08, 1.147784e-07, -1.12379e-06], 41: [3.057253e-07, -8.448178e-08, -1.12379e-06]},
+    'kinematic C3D20R': {112: [-8.232936e-07, 1.032416e-06, -4.167339e-06], 114: [3.840781e-08, 3.212717e-08, -4.167339e-06], 122: [-3.924429e-07, 5.322718e-07, -4.167339e-06]},
+    'distributing C3D8': {41: [7.711955e-07, -7.322019e-09, -2.321846e-06], 37: [-6.973378e-07, 6.904541e-08, -2.317117e-06], 39: [3.692562e-08, 3.125529e-08, -2.306384e-06]},
+    'polar C3D20': {100: [2.283877e-05, 1.38433e-05, 7.113879e-08], 94: [2.261715e-05, 1.097403e-05, 0.0], 97: [2.195582e-05, 1.074351e-05, -2.43393e-07]},
+    'polar C3D20R': {100: [2.306053e-05, 1.403632e-05, 7.236553e-08], 94: [2.279969e-05, 1.089695e-05, 0.0], 97: [2.195292e-05, 1.073242e-05, -2.630672e-07]},
+    'modes C3D20': [560.6866, 1109.704, 1999.959, 2575.611, 3122.669, 4237.544],
+    'modes light C3D4': [1231.857, 2087.225, 4213.212, 5669.097, 7207.288, 8498.481],
+    'modes light C3D10': [699.9133, 1321.764, 2321.801, 3178.8, 4229.361, 4934.622],
+    'modes light C3D20R': [612.4825, 1156.41, 1943.602, 2470.443, 3539.227, 4483.038],
+}
+
+
+class Decks(Cli):
+    def moved(self, name, deck, labels):
+        """Displacements of nodes, by markers of a model that takes the deck."""
+        self.file(f"{name}.inp", deck)
+        markers = "".join(f"n{label} = {{ body = \"part\", node = {label} }}\n" for label in labels)
+        quantities = ", ".join(f'"n{label}.position"' for label in labels)
+        model = self.file(f"{name}.toml", f'bodies.part = {{ type = "solid", mesh = {{ file = "{name}.inp", take = "all" }} }}\n'
+                          f"[markers]\n{markers}[output]\nquantities = [{quantities}]\n")
+        self.expect(0, "simulate", str(model), "--no-page", "--out", str(self.folder / name))
+        with open(self.folder / name / "quantities.csv") as file:
+            row = list(csv.DictReader(file))[-1]
+        places = decks.places_of(deck)
+        return {n: [float(row[f"n{n}.position.{d}"]) - places[n][k] for k, d in enumerate("xyz")] for n in labels}
+
+    def test_displacements_are_those_of_calculix(self):
+        for name, truth in CALCULIX.items():
+            if not isinstance(truth, dict):
+                continue
+            with self.subTest(name):
+                size = max(abs(x) for u in truth.values() for x in u)
+                ours = self.moved(name.replace(" ", "_"), decks.DECKS[name](), list(truth))
+                for label, u in truth.items():
+                    for a, b in zip(ours[label], u):
+                        self.assertLess(abs(a - b), 1e-6 * size, label)
+
+    def test_frequencies_are_those_of_calculix(self):
+        for name, truth in CALCULIX.items():
+            if isinstance(truth, dict):
+                continue
+            with self.subTest(name):
+                deck = self.file(name.replace(" ", "_") + ".inp", decks.DECKS[name]())
+                found = json.loads(self.expect(0, "simulate", str(deck), "--json").stdout)["initial"]["modes"]
+                self.assertEqual(len(found), len(truth))
+                for mode, frequency in zip(found, truth):
+                    self.assertLess(abs(mode["frequency"] / frequency - 1), 1e-6)
+
+
+if __name__ == "__main__":
+    unittest.main()
