@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <numbers>
 #include <numeric>
 
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/sides.hpp"
@@ -44,7 +44,7 @@ Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
 }
 
 Mesh load_mesh(const MeshFile& file) {
-  if (!std::filesystem::exists(file.path))
+  if (!file_exists(file.path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.path));
   Mesh mesh = read_mesh(file.path);

@@ -6,6 +6,7 @@
 #include <stdexcept>
 
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/controllers/controllers.hpp"
 #include "dynamics/model/functions.hpp"
 
 namespace espalier::dynamics::model {
@@ -50,6 +51,9 @@ class FunctionBuilder {
   void run() {
     for (const ForceSpec& force : model_.forces) need_force(force);
     for (const auto& sensor : model_.sensors) need_sensor(sensor.first);
+    for (std::size_t k = 0; k < model_.controllers.size(); ++k)
+      for (const auto& [variable, formula] : model_.controllers[k].inputs)
+        out_.controllers->parts()[k]->inputs.push_back(make(formula));
     for (const EventSpec& event : model_.events) {
       out_.conditions.push_back(event.condition ? make(*event.condition) : contact_condition(event));
       out_.settings.emplace_back();
