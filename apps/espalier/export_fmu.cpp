@@ -4,10 +4,12 @@
 
 #include <CLI/CLI.hpp>
 #include <memory>
+#include <nlohmann/json.hpp>
 
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "espalier/fmu.hpp"
+#include "report.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {
@@ -17,10 +19,19 @@ namespace {
 struct ExportFmuCommand {
   std::string model, out;
   FmuOptions options;
-  bool quiet = false;
+  bool quiet = false, json = false;
 
   int run() const;
 };
+
+void print_json(const FmuResult& r) {
+  nlohmann::ordered_json out = {{"path", r.path}, {"bytes", r.bytes}, {"files", r.files}};
+  for (const FmuVariable& v : r.variables)
+    out["variables"].push_back({{"name", v.name}, {"kind", v.kind}, {"unit", v.unit}, {"start", v.start}});
+  out["model_exchange"] = r.model_exchange;
+  out["no_model_exchange"] = r.no_model_exchange;
+  print_result("{}\n", to_text(out));
+}
 
 int ExportFmuCommand::run() const {
   std::string path = out;
@@ -28,7 +39,8 @@ int ExportFmuCommand::run() const {
   check_outputs({{"the model", model}}, {{"--out", path}});
   const FmuResult result = export_fmu(model, path, options);
   if (!result.status.ok()) throw Error(result.status);
-  if (quiet) return kSolved;
+  if (json) print_json(result);
+  if (quiet || json) return kSolved;
   print_result("wrote {}: FMI {}, {:.1f} MB, co-simulation{}\n", result.path, options.version,
                static_cast<double>(result.bytes) / 1e6, result.model_exchange ? " and model exchange" : "");
   for (const FmuVariable& v : result.variables)
@@ -61,6 +73,7 @@ void add_export_fmu(CLI::App& app, Action& action) {
       ->take_all()
       ->allow_extra_args(false);
   add_file(*sub, "--library", o.library, "espalier_fmu.so, where it is not found by itself");
+  sub->add_flag("--json", command->json, "print as JSON");
   sub->add_flag("-q,--quiet", command->quiet, "print nothing but errors");
   sub->callback([command, &action] { action = [command] { return command->run(); }; });
 }

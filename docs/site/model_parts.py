@@ -66,10 +66,11 @@ PARTS = {
                       " rotation motion", "body")},
     "splines": {"": ("read_spline CsvTable", "", "")},
     "events": {"": ("read_condition read_event", "", "when")},
+    "controllers": {"": ("read_controller", "", "type file step")},
     "paths": {"": ("read_path", "", "")},
 }
 SECTIONS = {  # of the top, without names
-    "": "read_description read_bodies read_joints read_forces BodyReader read_surfaces read_events read_splines read_supports",
+    "": "read_description read_bodies read_joints read_forces BodyReader read_surfaces read_events read_controllers read_splines read_supports",
     "integrator": "read_integrator read_bdf read_alpha", "statics": "read_statics read_statics_options", "initial": "read_initial",
     "harmonic": "read_harmonic read_range read_loads", "output": "read_output"}
 TYPE_KEY = {"bodies": "type", "joints": "type", "forces": "type", "surfaces": "shape"}

@@ -11,8 +11,7 @@ namespace {
 
 /// Calls `each` with the names and values of a table inside of a controller.
 template <class Each>
-void of_table(Section& s, const char* key, const char* words, const Each& each) {
-  const Value* table = s.value(key);
+void of_table(const Value* table, const char* words, const Each& each) {
   if (table == nullptr) return;
   if (!table->is_table()) fail(table->place, fmt::format("must be a table {}", words));
   for (const auto& [name, value] : table->entries) each(name, value);
@@ -37,9 +36,10 @@ ControllerSpec read_controller(const std::string& name, const Value& value, cons
   (void)s.choice("type", {"fmu"});
   c.path = (std::filesystem::path(folder) / s.text("file")).string();
   c.step = s.positive("step");
-  of_table(s, "inputs", "{ variable of the FMU = expression }", [&](const std::string& variable, const Value& formula) {
-    c.inputs.emplace_back(variable, Formula{formula.place, Section::state_function(formula)});
-  });
+  of_table(s.value("inputs"), "{ variable of the FMU = expression }",
+           [&](const std::string& variable, const Value& formula) {
+             c.inputs.emplace_back(variable, Formula{formula.place, Section::state_function(formula)});
+           });
   if (const Value* outputs = s.value("outputs"); outputs == nullptr) {
     c.all_outputs = true;
   } else if (outputs->is_table()) {
@@ -54,7 +54,7 @@ ControllerSpec read_controller(const std::string& name, const Value& value, cons
       c.outputs.emplace_back(variable, variable);
     }
   }
-  of_table(s, "start", "{ variable of the FMU = value }", [&](const std::string& variable, const Value& given) {
+  of_table(s.value("start"), "{ variable of the FMU = value }", [&](const std::string& variable, const Value& given) {
     if (given.type == Value::Type::boolean)
       c.start.emplace_back(variable, given.boolean ? 1.0 : 0.0);
     else if (given.type == Value::Type::text)
