@@ -143,23 +143,24 @@ void ForeignFmu::load_state_functions(const char* prefix, const char* deserializ
 
 std::string ForeignFmu::save() {
   void* state = nullptr;
-  check(get_state_(instance_, &state), "GetFMUState");
+  call("GetFMUState", get_state_, instance_, &state);
   std::size_t size = 0;
-  FmiStatus status = state_size_(instance_, state, &size);
+  FmiStatus status = status_of("SerializedFMUStateSize", state_size_, instance_, state, &size);
   std::string bytes(size, '\0');
   if (status == FmiStatus::ok)
-    status = serialize_(instance_, state, reinterpret_cast<std::uint8_t*>(bytes.data()), size);
-  free_state_(instance_, &state);
+    status = status_of("SerializeFMUState", serialize_, instance_, state, reinterpret_cast<std::uint8_t*>(bytes.data()),
+                       size);
+  static_cast<void>(status_of("FreeFMUState", free_state_, instance_, &state));
   check(status, "SerializeFMUState");
   return bytes;
 }
 
 void ForeignFmu::restore(std::string_view bytes) {
   void* state = nullptr;
-  check(deserialize_(instance_, reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(), &state),
-        "DeserializeFMUState");
-  const FmiStatus status = set_state_(instance_, state);
-  free_state_(instance_, &state);
+  call("DeserializeFMUState", deserialize_, instance_, reinterpret_cast<const std::uint8_t*>(bytes.data()),
+       bytes.size(), &state);
+  const FmiStatus status = status_of("SetFMUState", set_state_, instance_, state);
+  static_cast<void>(status_of("FreeFMUState", free_state_, instance_, &state));
   check(status, "SetFMUState");
 }
 

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "fmi/crash_note.hpp"
 #include "fmi/model_description.hpp"
 #include "fmi/zip.hpp"
 
@@ -61,7 +62,17 @@ class ForeignFmu {
   [[nodiscard]] Function function(const char* symbol) const {
     return reinterpret_cast<Function>(find_function(symbol));
   }
-  /// What came of a call. @param told a function that was called
+  /// Calls a function of the FMU. @param told its name
+  template <class Function, class... Arguments>
+  void call(const char* told, Function f, Arguments... arguments) const {
+    check(status_of(told, f, arguments...), told);
+  }
+  template <class Function, class... Arguments>
+  auto status_of(const char* told, Function f, Arguments... arguments) const {
+    const CrashNote note(title_, told);
+    return f(arguments...);
+  }
+  /// What came of a call.
   void check(FmiStatus status, const char* told) const;
   [[noreturn]] void refuse(const std::string& what) const;
   void hear(const std::string& message);  ///< of the FMU's logger

@@ -40,45 +40,45 @@ class Foreign2 final : public ForeignFmu {
   void begin(double time, const std::vector<std::pair<ForeignVariable, Value>>& start) override {
     if (instance_ != nullptr) free_(instance_);
     const std::string location = "file://" + encoded(unpacked_.resources());
-    instance_ = function<fmi2::Instantiate>("fmi2Instantiate")(
-        name_.c_str(), fmi2::Type::co_simulation, description().token.c_str(), location.c_str(), &callbacks_, 0, 0);
+    instance_ = status_of("fmi2Instantiate", function<fmi2::Instantiate>("fmi2Instantiate"), name_.c_str(),
+                          fmi2::Type::co_simulation, description().token.c_str(), location.c_str(), &callbacks_, 0, 0);
     if (instance_ == nullptr) check(FmiStatus::error, "fmi2Instantiate");
     for (const auto& [variable, value] : start) {
       if (const auto* text = std::get_if<std::string>(&value)) {
         const char* given = text->c_str();
-        check(set_string_(instance_, &variable.reference, 1, &given), "fmi2SetString");
+        call("fmi2SetString", set_string_, instance_, &variable.reference, 1, &given);
       } else {
         set(variable, std::get<double>(value));
       }
     }
-    check(setup_(instance_, 0, 0, time, 0, 0), "fmi2SetupExperiment");
-    check(enter_(instance_), "fmi2EnterInitializationMode");
+    call("fmi2SetupExperiment", setup_, instance_, 0, 0, time, 0, 0);
+    call("fmi2EnterInitializationMode", enter_, instance_);
   }
-  void end_initialization() override { check(exit_(instance_), "fmi2ExitInitializationMode"); }
+  void end_initialization() override { call("fmi2ExitInitializationMode", exit_, instance_); }
 
   void set(const ForeignVariable& v, double value) override {
-    if (v.type == Type::real) return check(set_real_(instance_, &v.reference, 1, &value), "fmi2SetReal");
+    if (v.type == Type::real) return call("fmi2SetReal", set_real_, instance_, &v.reference, 1, &value);
     const int whole = v.type == Type::boolean ? (value >= 0.5 ? 1 : 0) : static_cast<int>(std::lround(value));
-    if (v.type == Type::boolean) return check(set_boolean_(instance_, &v.reference, 1, &whole), "fmi2SetBoolean");
-    check(set_integer_(instance_, &v.reference, 1, &whole), "fmi2SetInteger");
+    if (v.type == Type::boolean) return call("fmi2SetBoolean", set_boolean_, instance_, &v.reference, 1, &whole);
+    call("fmi2SetInteger", set_integer_, instance_, &v.reference, 1, &whole);
   }
   double get(const ForeignVariable& v) override {
     double value = 0;
     int whole = 0;
     if (v.type == Type::real) {
-      check(get_real_(instance_, &v.reference, 1, &value), "fmi2GetReal");
+      call("fmi2GetReal", get_real_, instance_, &v.reference, 1, &value);
     } else if (v.type == Type::boolean) {
-      check(get_boolean_(instance_, &v.reference, 1, &whole), "fmi2GetBoolean");
+      call("fmi2GetBoolean", get_boolean_, instance_, &v.reference, 1, &whole);
       value = whole != 0 ? 1 : 0;
     } else {
-      check(get_integer_(instance_, &v.reference, 1, &whole), "fmi2GetInteger");
+      call("fmi2GetInteger", get_integer_, instance_, &v.reference, 1, &whole);
       value = whole;
     }
     return value;
   }
 
   bool step(double time, double length) override {
-    const FmiStatus status = do_step_(instance_, time, length, 0);
+    const FmiStatus status = status_of("fmi2DoStep", do_step_, instance_, time, length, 0);
     Boolean2 terminated = 0;
     if (status == FmiStatus::discard &&
         boolean_status_(instance_, fmi2::StatusKind::terminated, &terminated) == FmiStatus::ok && terminated != 0)

@@ -57,22 +57,23 @@ class Foreign3 final : public ForeignFmu {
 
   void begin(double time, const std::vector<std::pair<ForeignVariable, Value>>& start) override {
     if (instance_ != nullptr) free_(instance_);
-    instance_ = function<fmi3::InstantiateCoSimulation>("fmi3InstantiateCoSimulation")(
-        name_.c_str(), description().token.c_str(), (unpacked_.resources() + "/").c_str(), false, false, false, false,
-        nullptr, 0, this, &Foreign3::log, nullptr);
+    instance_ =
+        status_of("fmi3InstantiateCoSimulation", function<fmi3::InstantiateCoSimulation>("fmi3InstantiateCoSimulation"),
+                  name_.c_str(), description().token.c_str(), (unpacked_.resources() + "/").c_str(), false, false,
+                  false, false, nullptr, 0, this, &Foreign3::log, nullptr);
     if (instance_ == nullptr) check(FmiStatus::error, "fmi3InstantiateCoSimulation");
     for (const auto& [variable, value] : start) {
       if (const auto* text = std::get_if<std::string>(&value)) {
         const char* given = text->c_str();
-        check(function<fmi3::Set<const char*>>("fmi3SetString")(instance_, &variable.reference, 1, &given, 1),
-              "fmi3SetString");
+        call("fmi3SetString", function<fmi3::Set<const char*>>("fmi3SetString"), instance_, &variable.reference, 1,
+             &given, 1);
       } else {
         set(variable, std::get<double>(value));
       }
     }
-    check(enter_(instance_, false, 0, time, false, 0), "fmi3EnterInitializationMode");
+    call("fmi3EnterInitializationMode", enter_, instance_, false, 0, time, false, 0);
   }
-  void end_initialization() override { check(exit_(instance_), "fmi3ExitInitializationMode"); }
+  void end_initialization() override { call("fmi3ExitInitializationMode", exit_, instance_); }
 
   void set(const ForeignVariable& v, double value) override {
     with_type(v.type, [&](const char* name, auto number) {
@@ -85,14 +86,14 @@ class Foreign3 final : public ForeignFmu {
         number = static_cast<Number>(value);
       }
       const std::string symbol = std::string("fmi3Set") + name;
-      check(function<fmi3::Set<Number>>(symbol.c_str())(instance_, &v.reference, 1, &number, 1), symbol.c_str());
+      call(symbol.c_str(), function<fmi3::Set<Number>>(symbol.c_str()), instance_, &v.reference, 1, &number, 1);
     });
   }
   double get(const ForeignVariable& v) override {
     return with_type(v.type, [&](const char* name, auto number) {
       using Number = decltype(number);
       const std::string symbol = std::string("fmi3Get") + name;
-      check(function<fmi3::Get<Number>>(symbol.c_str())(instance_, &v.reference, 1, &number, 1), symbol.c_str());
+      call(symbol.c_str(), function<fmi3::Get<Number>>(symbol.c_str()), instance_, &v.reference, 1, &number, 1);
       return static_cast<double>(number);
     });
   }
@@ -100,7 +101,7 @@ class Foreign3 final : public ForeignFmu {
   bool step(double time, double length) override {
     bool event = false, terminate = false, early = false;
     double last = time;
-    check(do_step_(instance_, time, length, false, &event, &terminate, &early, &last), "fmi3DoStep");
+    call("fmi3DoStep", do_step_, instance_, time, length, false, &event, &terminate, &early, &last);
     if (early && !terminate) refuse(fmt::format("fmi3DoStep came back at {}, though that was not allowed", last));
     return !terminate;
   }

@@ -94,6 +94,19 @@ TEST_P(ForeignVersions, ErrorsNameTheFmuTheCallAndWhatItSays) {
   EXPECT_THROW(fmu->begin(0, {{*d.find("T"), -1.0}}), Error);
 }
 
+// Nothing can be caught there; but the last line says who it was.
+TEST_P(ForeignVersions, ACrashNamesTheFmuAndTheCall) {
+  ::testing::FLAGS_gtest_death_test_style = "threadsafe";
+  const auto crash = [] {
+    const auto fmu = ForeignFmu::load("part", "part.fmu", lag_fmu(GetParam()));
+    const auto& d = fmu->description();
+    fmu->begin(0, {{*d.find("at"), 0.05}, {*d.find("mischief"), std::string("crash")}});
+    fmu->end_initialization();
+    (void)fmu->step(0, 0.1);
+  };
+  EXPECT_DEATH(crash(), "espalier: FMU 'part' .part.fmu.: crashed in fmi.DoStep");
+}
+
 TEST_P(ForeignVersions, RefusesWhatItCannotRun) {
   const bool three = GetParam() == 3;
   const std::string xml = lag_description(GetParam());
