@@ -64,7 +64,9 @@ class Writer {
     add("  <DefaultExperiment startTime=\"{}\" stopTime=\"{}\" stepSize=\"{}\"/>\n", c_.variables.front().start, c_.end,
         d_.step);
     add("  <ModelVariables>\n");
-    for (std::size_t k = 0; k < c_.variables.size(); ++k) variable(k);
+    // FMI 2 needs no variable for time, and FMI Library finds fault with one; the others then have their places,
+    // counted from 1, as value references.
+    for (std::size_t k = three_ ? 0 : 1; k < c_.variables.size(); ++k) variable(k);
     add("  </ModelVariables>\n");
     structure();
     return out_ + "</fmiModelDescription>\n";
@@ -106,8 +108,7 @@ class Writer {
     std::string of_real;
     if (v.kind == Kind::input || v.kind == Kind::parameter) of_real += fmt::format(" start=\"{}\"", v.start);
     if (!v.unit.empty()) of_real += " unit=" + quoted(v.unit);
-    // FMI 2 counts variables from 1 where FMI 3 has value references.
-    if (v.kind == Kind::derivative) of_real += fmt::format(" derivative=\"{}\"", state_of(k) + (three_ ? 0 : 1));
+    if (v.kind == Kind::derivative) of_real += fmt::format(" derivative=\"{}\"", state_of(k));
     if (three_) {
       add("    <Float64 {}{}/>\n", head, of_real);
     } else {
@@ -120,7 +121,7 @@ class Writer {
     for (std::size_t k = 0; k < c_.variables.size(); ++k)
       if (std::find(kinds.begin(), kinds.end(), c_.variables[k].kind) != kinds.end())
         found += three_ ? fmt::format("    <{} valueReference=\"{}\"/>\n", three, k)
-                        : fmt::format("      <Unknown index=\"{}\"/>\n", k + 1);
+                        : fmt::format("      <Unknown index=\"{}\"/>\n", k);
     if (found.empty()) return;
     out_ += three_ ? found : fmt::format("    <{0}>\n{1}    </{0}>\n", two, found);
   }

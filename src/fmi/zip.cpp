@@ -34,7 +34,8 @@ std::uint32_t checksum_of(std::string_view bytes) {
 
 std::string deflated(std::string_view bytes) {
   z_stream stream = {};
-  if (::deflateInit2(&stream, Z_DEFAULT_COMPRESSION, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+  // Of a library of 12 MB: 5.8 MB in 0.3 s; the best ratio would be 5.3 MB in 0.8 s.
+  if (::deflateInit2(&stream, Z_BEST_SPEED, Z_DEFLATED, -MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
     throw std::bad_alloc();
   std::string out(::deflateBound(&stream, static_cast<uLong>(bytes.size())), '\0');
   stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(bytes.data()));

@@ -96,7 +96,10 @@ TEST_P(ExportedFmu, StepsAsTheSimulator) {
     for (const char* name : {"hinge.angle", "hinge.angular_speed", "hinge.force.y", "bob.acceleration.x"})
       ASSERT_EQ(fmu->get(*d.find(name)), truth.value(name)) << name << " at " << t;
   }
-  EXPECT_EQ(fmu->get(*d.find("time")), t);
+  EXPECT_EQ(d.find("time") != nullptr, GetParam() == 3);
+  if (GetParam() == 3) {
+    EXPECT_EQ(fmu->get(*d.find("time")), t);
+  }
 }
 
 TEST_P(ExportedFmu, GoesBackAlsoInAnotherInstance) {
@@ -126,8 +129,9 @@ TEST_P(ExportedFmu, GoesBackAlsoInAnotherInstance) {
   other->end_initialization();
   other->set(torque, 2);
   ASSERT_TRUE(other->step(0, 0.1));
+  EXPECT_EQ(other->save().size(), state.size());  // Newton's iteration begins anew there, as above
   ASSERT_TRUE(other->step(0.1, 0.1));
-  EXPECT_NEAR(other->get(angle), there, 1e-12);
+  EXPECT_EQ(other->get(angle), there);
   EXPECT_THROW(other->restore(state.substr(0, state.size() / 2)), Error);
   EXPECT_THROW(other->restore("nonsense"), Error);
 }
