@@ -17,12 +17,14 @@ push = 1
 [bodies.m]
 type = "point"
 mass = "mass"
+position = [1, 0, 0]
 velocity = [0, 1, 0]
 [forces.spring]
 type = "spring"
-a = { global = [0, 0, 0], body = "ground" }
+a = "ground"
 b = "m"
 stiffness = 50
+rest = 1
 damping = 0.3
 [forces.push]
 type = "load"
@@ -67,7 +69,7 @@ def test_why_no_model_exchange(tmp_path):
 def test_what_is_refused(tmp_path):
     model = esp.Model.from_text(MODEL)
     for words, wrong in (("did you mean 'push'", {"inputs": ["pusch"]}), ("did you mean 'mass'", {"parameters": ["mas"]}),
-                         ("did you mean 'm'|there is no", {"outputs": ["mm.position"]}), ("unknown|no number|there is no", {"set": {"bodies.n.mas": 3}})):
+                         ("did you mean 'm'|there is no", {"outputs": ["mm.position"]}), ("bodies.n: needs 'type'", {"set": {"bodies.n.mas": 3}})):
         with pytest.raises(esp.InvalidInputError, match=words):
             model.export_fmu(tmp_path / "a.fmu", **{"outputs": ["m.position"], **wrong})
     with pytest.raises(esp.InvalidInputError, match="without outputs"):
