@@ -40,6 +40,7 @@ void add_modes(CLI::App& app, Action& action);
 void add_harmonic(CLI::App& app, Action& action);
 void add_condense(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
+void add_export_fmu(CLI::App& app, Action& action);
 void add_view(CLI::App& app, Action& action);
 void add_mesh(CLI::App& app, Action& action);
 void add_reduce(CLI::App& app, Action& action);

@@ -9,6 +9,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_harmonic(app, action);
   add_condense(app, action);
   add_simulate(app, action);
+  add_export_fmu(app, action);
   add_view(app, action);
   add_examples(app, action);
   add_mesh(app, action);

@@ -7,7 +7,7 @@
 Every key is read by a call such as s.positive("young") in src/dynamics/model/read_*.cpp: type and default stand there, the
 default often as a field of a struct. This module finds those calls. A literal in these files that it cannot place is an
 error, so that a new way of reading cannot go unnoticed. The meaning is that of the tables of docs/guide/simulate.md,
-forces.md and contact.md; a key of the sources without a word there is an error too.
+forces.md, contact.md and fmi.md; a key of the sources without a word there is an error too.
 """
 import re
 import sys
@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "src/dynamics/model"
-GUIDE = ("simulate.md", "forces.md", "contact.md", "joints.md")
+GUIDE = ("simulate.md", "forces.md", "contact.md", "joints.md", "fmi.md")
 
 # Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
 SECTIONS = (
@@ -101,6 +101,8 @@ SECTIONS = (
     ("Force cable", "read_joints.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
     ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
     ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),
+    ("[controllers]", "read_controllers.cpp", "read_controllers", (), (("The text", "at the top"),)),
+    ("[controllers.NAME]", "read_controllers.cpp", "read_controller", (), (("FMUs in a model", "key"),)),
     ("[events.NAME]", "read_events.cpp", "read_event", (), (("Events", "events"),)),
     ("[events.NAME]: condition", "read_events.cpp", "read_condition", (), (("Events", "events"),)),
     ("[integrator]", "read_model.cpp", "read_integrator", (), (("Integrator", "key"),)),

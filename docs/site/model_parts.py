@@ -77,10 +77,11 @@ PARTS = {
     "ties": {"": ("read_where read_nodes read_tie", "body node near face nodes edge radius bore to tolerance", "body to")},
     "splines": {"": ("read_spline CsvTable", "", "")},
     "events": {"": ("read_condition read_event", "", "when")},
+    "controllers": {"": ("read_controller", "", "type file step")},
     "paths": {"": ("read_path", "", "")},
 }
 SECTIONS = {  # of the top, without names
-    "": "read_whole read_bodies read_joints read_forces BodyReader read_surfaces read_events read_splines read_supports read_equations",
+    "": "read_whole read_bodies read_joints read_forces BodyReader read_surfaces read_events read_controllers read_splines read_supports read_equations",
     "integrator": "read_integrator read_bdf read_alpha", "statics": "read_statics read_statics_options", "initial": "read_initial",
     "harmonic": "read_harmonic read_range read_loads", "output": "read_output"}
 TYPE_KEY = {"bodies": "type", "joints": "type", "forces": "type", "surfaces": "shape"}

@@ -48,6 +48,8 @@ METHODS = (
     ("markers", "marker", "", "Adds [markers.NAME], a place with axes, and returns the name."),
     ("splines", "spline", "", "Adds [splines.NAME], a function by points, which expressions call by its name; returns the name."),
     ("events", "event", "", "Adds [events.NAME] and returns the name: what happens when an expression passes through a limit."),
+    ("controllers", "controller", "", "Adds [controllers.NAME], an FMU of another program that steps beside the run, and returns the name;"
+     " expressions read what it tells as NAME.OUTPUT."),
     ("sensors", "sensor", "self, name: str, /, value: Any", "Adds a quantity of its own to [sensors], a number or an expression of"
      " quantities, and returns the name."),
     ("inputs", "input", "self, name: str, /, value: Any = 0.0", "Adds a number to [inputs] that the program sets"

@@ -16,6 +16,7 @@ void bind_rank_solver(nanobind::module_& m);
 void bind_simulation(nanobind::module_& m);
 void bind_dae(nanobind::module_& m);
 void bind_model_text(nanobind::module_& m);
+void bind_fmu(nanobind::module_& m);
 void bind_modes(nanobind::module_& m);
 void bind_harmonic(nanobind::module_& m);
 void bind_reduced(nanobind::module_& m);

@@ -18,6 +18,8 @@ std::string python_words(std::string message) {
       {"Solver::refactorize", "Solver.factorize"},
       {"Solver::solve_device", "Solver.solve"},
       {"Solver::condition_estimate", "Solver.condition"},
+      {"--library PATH, FmuOptions::library", "pip install espalier brings it"},
+      {"(--outputs hinge.angle)", "(outputs=[\"hinge.angle\"])"},
       {"SensitivityParameter::step", "parameters={path: step}"},
       {"or SimulationOptions", "or in quantities=[...]"},
       {"DaeOptions::", ""},
@@ -72,6 +74,7 @@ NB_MODULE(_core, m) {
   espalier::python::bind_simulation(m);
   espalier::python::bind_dae(m);
   espalier::python::bind_model_text(m);
+  espalier::python::bind_fmu(m);
   espalier::python::bind_modes(m);
   espalier::python::bind_harmonic(m);
   espalier::python::bind_reduced(m);

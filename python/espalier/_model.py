@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from typing_extensions import Unpack
 
+    from ._fmu import Fmu
     from ._harmonic import ModelHarmonic
     from ._options import DerivativeOptions, GradientOptions, RunOptions, Sections, SolverOptions
     from ._reduced import ReducedBody
@@ -27,7 +28,8 @@ if TYPE_CHECKING:
     from ._simulation import Observer
 
 _CALLS = {"bodies": "body", "joints": "joint", "forces": "force", "supports": "support", "equations": "equation", "ties": "tie", "surfaces": "surface", "contacts": "contact",
-          "materials": "material", "markers": "marker", "splines": "spline", "events": "event", "sensors": "sensor", "inputs": "input"}
+          "materials": "material", "markers": "marker", "splines": "spline", "events": "event",
+          "controllers": "controller", "sensors": "sensor", "inputs": "input"}
 
 
 _EXPRESSIONS = ("parameters", "sensors", "inputs", "set")  # tables whose keys are names of the user's
@@ -261,6 +263,23 @@ class Model(Parts):
                 "tolerance": tolerance, "loss_factor": loss_factor, "max_solves": max_solves, "shapes": shapes_at}
         return model_harmonic(self, {k: v for k, v in keys.items() if v is not None}, _checks.mapping(set, "set"),
                               _checks.path(out, "out"), progress, solver)
+
+    def export_fmu(self, path: "str | os.PathLike[str]", *, version: int = 3, inputs: "Iterable[str]" = (),
+                   outputs: "Iterable[str]" = (), parameters: "Iterable[str]" = (),
+                   set: "Mapping[str, Any] | None" = None) -> "Fmu":
+        """Writes the model as an FMU for other simulators (docs/guide/fmi.md): co-simulation, and model exchange where the
+        model is an ordinary differential equation in minimal coordinates. It holds the model and its files, and needs no
+        Python. path: ".fmu" is added where it is missing. version: of FMI, 2 or 3. inputs: of the model's [inputs] (all
+        of them). outputs: quantities (those of [output]). parameters: names of [parameters], or paths of other numbers,
+        "bodies.bob.mass" (all numbers of [parameters]). set: values to be replaced for good."""
+        from ._fmu import Fmu, FmuVariable
+
+        status, written, size, variables, files, exchange, why_not = _core.export_fmu(
+            self.text, self._name, _checks.path(path, "path"), _checks.whole(version, "version", 2, 3),
+            _checks.texts(inputs, "inputs"), _checks.texts(outputs, "outputs"), _checks.texts(parameters, "parameters"),
+            _settings(set))
+        self._raise(status)
+        return Fmu(written, size, tuple(FmuVariable(*v) for v in variables), tuple(files), exchange, why_not)
 
     def show(self, *, height: int = 640, until: "float | None" = None, **options: "Unpack[RunOptions]") -> Shown:
         """The assembled model before it runs, with its joints, as a page: in a notebook in the cell, else in a browser.

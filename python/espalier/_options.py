@@ -115,4 +115,5 @@ class Sections(TypedDict, total=False):
     inputs: "Mapping[str, Any]"
     sensors: "Mapping[str, Any]"
     events: "Mapping[str, Any]"
+    controllers: "Mapping[str, Any]"
     repeat: "Iterable[Mapping[str, Any]]"

@@ -516,6 +516,19 @@ class Parts:
         """
         return self.part("events", name, keys)
 
+    def controller(self, name: str, /, **keys: Any) -> str:
+        """Adds [controllers.NAME], an FMU of another program that steps beside the run, and returns the name; expressions
+        read what it tells as NAME.OUTPUT.
+
+        type: one of fmu, needed. "fmu"
+        file: text, needed. the FMU, FMI 2 or 3 with co-simulation
+        step: number > 0, needed. time between two exchanges
+        inputs: table. table: variable of the FMU = number or expression of quantities
+        outputs: list of texts. names of variables, or a table: name in the model = variable of the FMU
+        start: table. table: variable of the FMU = number, text or boolean, what it begins with
+        """
+        return self.part("controllers", name, keys)
+
     def sensor(self, name: str, /, value: Any) -> str:
         """Adds a quantity of its own to [sensors], a number or an expression of quantities, and returns the name."""
         return self.part("sensors", name, value)

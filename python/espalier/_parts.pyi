@@ -1904,5 +1904,18 @@ class Parts:
             that they may need
         set: {input: value}. { input = value }
         """
+    def controller(
+        self, name: str, /, *, type: Literal["fmu"], file: str | PathLike[str], step: Number, inputs: Any = ...,
+        outputs: Texts = ..., start: Any = ...
+    ) -> str:
+        """Adds [controllers.NAME], and returns the name.
+
+        type: one of fmu, needed. "fmu"
+        file: text, needed. the FMU, FMI 2 or 3 with co-simulation
+        step: number > 0, needed. time between two exchanges
+        inputs: table. table: variable of the FMU = number or expression of quantities
+        outputs: list of texts. names of variables, or a table: name in the model = variable of the FMU
+        start: table. table: variable of the FMU = number, text or boolean, what it begins with
+        """
     def sensor(self, name: str, /, value: Any) -> str: ...
     def input(self, name: str, /, value: Any = 0.0) -> str: ...

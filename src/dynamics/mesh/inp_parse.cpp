@@ -4,6 +4,7 @@
 #include <cctype>
 #include <filesystem>
 
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/inp_model.hpp"
 #include "dynamics/mesh/read/inp_generate.hpp"
 #include "dynamics/mesh/read/inp_lines.hpp"
@@ -97,7 +98,7 @@ class InpParser {
     if (++includes_ > kMostIncludes) reader.fail(fmt::format("more than {} files are included", kMostIncludes));
     const auto folder = std::filesystem::path(reader.path()).parent_path();
     const std::string path = (folder / k.need(reader, "INPUT")).string();
-    if (!std::filesystem::is_regular_file(path)) reader.fail(fmt::format("*INCLUDE: there is no file '{}'", path));
+    if (!file_exists(path) || std::filesystem::is_directory(path)) reader.fail(fmt::format("*INCLUDE: there is no file '{}'", path));
     file(path, read_whole_file(path), depth + 1);
   }
 

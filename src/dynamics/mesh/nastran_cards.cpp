@@ -8,6 +8,8 @@
 #include <filesystem>
 #include <system_error>
 
+#include "dynamics/mesh/file_source.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -171,7 +173,7 @@ void NastranCards::include(Rest& rest, std::string_view text, std::size_t file, 
   for (const std::string& from : {files_[file], files_.front()}) {
     path = std::filesystem::path(from).parent_path() / name;
     std::error_code ignored;
-    if (std::filesystem::is_regular_file(path, ignored)) break;
+    if (file_exists(path.string()) && !std::filesystem::is_directory(path, ignored)) break;
     path.clear();
   }
   if (path.empty()) fail(place, fmt::format("INCLUDE: there is no file '{}' beside '{}'", name, files_[file]));

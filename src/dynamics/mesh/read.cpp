@@ -6,6 +6,7 @@
 
 #include "dynamics/mesh/deck/deck.hpp"
 #include "dynamics/mesh/file_elements.hpp"
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
@@ -23,7 +24,7 @@ Deck read_deck(const std::string& path, int step) {
         StatusCode::invalid_input,
         fmt::format("'{}' is no deck; 'take' is for files of Abaqus, CalculiX (.inp) and Nastran (.bdf, .nas, .dat)",
                     path));
-  if (!std::filesystem::exists(path))
+  if (!file_exists(path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", path));
   return format->deck(read_whole_file(path), path, step);

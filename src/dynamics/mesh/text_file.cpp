@@ -4,14 +4,34 @@
 
 #include <charconv>
 #include <cstring>
+#include <filesystem>
+#include <utility>
 
+#include "dynamics/mesh/file_source.hpp"
 #include "matrix/file.hpp"
 
 namespace espalier::dynamics {
+namespace {
 
-std::string read_whole_file(const std::string& path) {
+thread_local FileSource* source_of_thread = nullptr;
+
+}  // namespace
+
+FileSource::Scope::Scope(FileSource& source) : before_(std::exchange(source_of_thread, &source)) {}
+FileSource::Scope::~Scope() { source_of_thread = before_; }
+
+std::string read_from_disk(const std::string& path) {
   const matrix::FileBytes file(path);
   return matrix::is_gzip(file.bytes()) ? matrix::gunzip(file.bytes(), path) : std::string(file.bytes());
+}
+
+std::string read_whole_file(const std::string& path) {
+  return source_of_thread != nullptr ? source_of_thread->read(path) : read_from_disk(path);
+}
+
+bool file_exists(const std::string& path) {
+  std::error_code unreadable;
+  return source_of_thread != nullptr ? source_of_thread->exists(path) : std::filesystem::exists(path, unreadable);
 }
 
 std::string_view trim(std::string_view text) {

@@ -40,6 +40,7 @@ class Builder {
       at_place(joints_[k].place, [&] { build_contacts(joints_[k], frames_, *out_.joints[k], out_); });
     build_surface_contacts(model_, frames_, out_);
     build_controls(model_, out_);
+    build_controllers(model_, out_);
     build_functions(model_, out_);
     out_.system.finish();
   }

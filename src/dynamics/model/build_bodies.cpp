@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <map>
 #include <numbers>
 #include <numeric>
 
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/sides.hpp"
@@ -61,7 +61,7 @@ Mesh mesh_of_deck(const MeshFile& file, const std::string& body) {
 }
 
 Mesh load_mesh(const MeshFile& file, const std::string& body) {
-  if (!std::filesystem::exists(file.path))
+  if (!file_exists(file.path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.path));
   Mesh mesh = file.take.empty() ? read_mesh(file.path) : mesh_of_deck(file, body);

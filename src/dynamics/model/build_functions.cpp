@@ -9,6 +9,7 @@
 #include "dynamics/forces/sliding_friction.hpp"
 #include "dynamics/joints/surface_shape.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/controllers/controllers.hpp"
 #include "dynamics/model/functions.hpp"
 #include "dynamics/model/joint_kinds/freedom.hpp"
 #include "dynamics/model/joint_kinds/wheels.hpp"
@@ -55,6 +56,9 @@ class FunctionBuilder {
   void run() {
     for (const ForceSpec& force : model_.forces) need_force(force);
     for (const auto& sensor : model_.sensors) need_sensor(sensor.first);
+    for (std::size_t k = 0; k < model_.controllers.size(); ++k)
+      for (const auto& [variable, formula] : model_.controllers[k].inputs)
+        out_.controllers->parts()[k]->inputs.push_back(make(formula));
     for (const EventSpec& event : model_.events) {
       out_.conditions.push_back(event.condition ? make(*event.condition) : contact_condition(event));
       out_.settings.emplace_back();

@@ -1,9 +1,9 @@
 // Substructures: bodies whose mass and stiffness another program has made.
 #include <fmt/format.h>
 
-#include <filesystem>
 
 #include "dynamics/bodies/reduced_body.hpp"
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -12,7 +12,7 @@ namespace {
 FileMatrix read(const SubstructureSpec::Matrix& matrix) {
   FileMatrix result;
   at_place(matrix.place, [&] {
-    if (!std::filesystem::exists(matrix.path))
+    if (!file_exists(matrix.path))
       throw std::invalid_argument(
           fmt::format("there is no file '{}'; paths are relative to the folder of the model", matrix.path));
     result = read_file_matrix(matrix.path, matrix.name);

@@ -3,12 +3,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "base/output_file.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/solid_contact.hpp"
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/start_report.hpp"
 
@@ -113,7 +113,7 @@ class SurfaceBuilder {
     auto& known = files_[{file.path, file.scale}];
     if (known) return known;
     base::check_path(file.path);
-    if (!std::filesystem::exists(file.path))
+    if (!file_exists(file.path))
       throw Error(StatusCode::invalid_input,
                   fmt::format("there is no file '{}'; paths are relative to the folder of the model", file.path));
     return known = std::make_shared<const contact::TriangleSurface>(contact::read_surface(file.path, file.scale));

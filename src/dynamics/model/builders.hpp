@@ -112,6 +112,8 @@ void build_tie(const TieSpec& spec, const FrameBuilder& frames, Mechanism& out);
 void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out);
 /// Inputs of the program and switches; before build_functions().
 void build_controls(const Description& model, Mechanism& out);
+/// Loads FMUs and asks them for what they tell at the start; before functions are made of that.
+void build_controllers(const Description& model, Mechanism& out);
 /// What forces, sensors and events are functions of; when all joints and forces stand, before the system is finished.
 void build_functions(const Description& model, Mechanism& out);
 

@@ -449,6 +449,19 @@ struct InitialSpec {
   bool operator==(const InitialSpec&) const = default;
 };
 
+/// Another program's part in the model, an FMU: what it tells is held between its steps.
+struct ControllerSpec {
+  Place place;
+  std::string name;
+  std::string path;                                          ///< of the FMU
+  double step = 0;                                           ///< between two exchanges
+  std::vector<std::pair<std::string, Formula>> inputs;       ///< its variables, and what they are set to
+  std::vector<std::pair<std::string, std::string>> outputs;  ///< names in the model, and its variables
+  bool all_outputs = false;                                  ///< instead: all that it has, by their own names
+  /// What it begins with: numbers or texts.
+  std::vector<std::pair<std::string, std::variant<double, std::string>>> start;
+};
+
 enum class PictureFormat { vtkhdf, vtu };
 
 /// Points of a body's material on straight lines, and what is asked for at each.
@@ -518,6 +531,7 @@ struct Description {
   std::vector<std::pair<std::string, double>> inputs;  ///< with their values at the start
   std::vector<std::pair<std::string, Formula>> sensors;
   std::vector<EventSpec> events;
+  std::vector<ControllerSpec> controllers;
   bool moves = true;                   ///< false: there is neither [integrator] nor [statics]
   IntegratorSpec integrator;           ///< unused where `statics` is set
   std::optional<StaticsSpec> statics;  ///< instead of a motion
@@ -554,6 +568,8 @@ void read_joint_contacts(Section& joint, JointSpec& out);
 void read_splines(Section& root, Description& model);
 /// [inputs], [sensors] and [events].
 void read_events(Section& root, Description& model);
+/// [controllers].
+void read_controllers(Section& root, Description& model);
 /// [harmonic], when forces, joints and inputs are known.
 [[nodiscard]] HarmonicSpec read_harmonic(Section s, const Description& model);
 /// Gives every expression the splines that it names. @throws Error(invalid_input) for functions that nobody knows

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "dynamics/forces/joint_friction.hpp"
+#include "dynamics/model/controllers/controllers.hpp"
 #include "dynamics/model/mechanism.hpp"
 
 namespace espalier::dynamics::model {
@@ -192,6 +193,13 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
   if (const FacePressure* pressure = mechanism.pressure(object))
     return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
   if (mechanism.surface_contact(object) != nullptr) return Offer{};
+  if (mechanism.controllers != nullptr)
+    if (const Controllers::Part* part = mechanism.controllers->part(object)) {
+      Offer offer;
+      for (const auto& output : part->outputs)
+        offer.scalars.emplace_back(output.name, std::make_shared<InputFunction>(&output.value));
+      return offer;
+    }
   if (object == "sensors") return Offer{{}, mechanism.sensors};
   if (object != "inputs") return std::nullopt;
   Offer offer;
@@ -211,6 +219,8 @@ std::vector<std::string> object_names(const Mechanism& mechanism) {
   for (const FacePressure* p : mechanism.pressures) names.push_back(p->name());
   for (const CableForce* c : mechanism.cables) names.push_back(c->name());
   for (const BuiltContact& c : mechanism.surface_contacts) names.push_back(c.name);
+  if (mechanism.controllers != nullptr)
+    for (const auto& part : mechanism.controllers->parts()) names.push_back(part->name);
   if (!mechanism.sensors.empty()) names.emplace_back("sensors");
   if (mechanism.controls != nullptr && !mechanism.controls->inputs.empty()) names.emplace_back("inputs");
   return names;

@@ -30,6 +30,8 @@ class ModalDamping;
 
 namespace espalier::dynamics::model {
 
+class Controllers;
+
 /// One body of the system; one of the first three pointers is set.
 struct BuiltBody {
   BodySpec spec;
@@ -110,6 +112,7 @@ class Mechanism {
   std::unique_ptr<const LinearResponse> linear;        ///< of linear statics: quantities and pictures are those of it
   ModalDamping* modal_damping = nullptr;               ///< null: no body asks for it
   Controls* controls = nullptr;                        ///< null: nothing can be set, switched or happen
+  Controllers* controllers = nullptr;                  ///< null: there are no FMUs
   std::vector<std::string> notices;                    ///< what joints do not fit at the start, and how they hold faces
   std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece

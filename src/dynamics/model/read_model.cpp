@@ -231,8 +231,8 @@ void check_names(const Description& model) {
     const auto [it, fresh] = taken.emplace(name, place);
     if (!fresh)
       fail(place,
-           fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints, supports, forces and contacts "
-                       "share their names",
+           fmt::format("the name '{}' is taken by {} (line {}); bodies, markers, joints, supports, forces, contacts "
+                       "and controllers share their names",
                        name, it->second.path, it->second.line));
   };
   for (const BodySpec& body : model.bodies) take(body.name, body.place);
@@ -243,6 +243,7 @@ void check_names(const Description& model) {
   for (const EquationSpec& equation : model.equations) take(equation.name, equation.place);
   for (const TieSpec& tie : model.ties) take(tie.name, tie.place);
   for (const ContactSpec& contact : model.contacts) take(contact.name, contact.place);
+  for (const ControllerSpec& controller : model.controllers) take(controller.name, controller.place);
 }
 
 }  // namespace
@@ -302,6 +303,7 @@ Description read_whole(const Value& root_value, const std::string& file) try {
   read_equations(root, model);
   read_surfaces(root, model);
   read_events(root, model);
+  read_controllers(root, model);
   bind_curves(model);
   model.moves = root.has("integrator") || root.has("statics");
   if (!model.moves && !root.has("harmonic"))
@@ -325,6 +327,8 @@ Description read_whole(const Value& root_value, const std::string& file) try {
   settle_frame_names(model);
   check_densities(model);
   set_rotation(model);
+  if (!model.controllers.empty() && !(model.moves && !model.statics))
+    fail(model.controllers.front().place, "an FMU is stepped through time; the model needs [integrator] for that");
   if (model.bodies.empty()) fail({file, 0, ""}, "has no bodies; add [bodies.NAME]");
   return model;
 } catch (const Error& error) {

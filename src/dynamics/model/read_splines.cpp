@@ -226,6 +226,8 @@ void bind_curves(Description& model) {
       if (component) bind(component->place, component->expression);
   }
   for (auto& [name, sensor] : model.sensors) bind(sensor.place, sensor.expression);
+  for (ControllerSpec& controller : model.controllers)
+    for (auto& [name, input] : controller.inputs) bind(input.place, input.expression);
   for (EventSpec& event : model.events) {
     if (event.condition) bind(event.condition->place, event.condition->expression);
     for (auto& [name, value] : event.set) bind(value.place, value.expression);

@@ -197,6 +197,7 @@ void Runner::prepare() {
   }
   if (options_.restart.empty() && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
   if (statics) find_equilibrium(consistency);
+  begin_controllers();
   if (!model_.statics) set_modal_damping();
   if (options_.restart.empty() && !model_.statics) find_modes();
   if (model_.statics) mechanism_->system.set_load_factor(0);
@@ -362,7 +363,8 @@ void Runner::advance(double end, const SimulationObserver& observer) {
   while (!stopped_ && !reached(end)) {
     try {
       interruption_.check();
-      step(std::min(end, files_->next_exact_time()));
+      if (!exchange()) break;
+      step(std::min({end, files_->next_exact_time(), next_exchange()}));
     } catch (const Error& error) {
       if (error.status().code != StatusCode::cancelled) throw;
       return halt();

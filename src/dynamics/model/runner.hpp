@@ -67,6 +67,9 @@ class Runner {
   /// @pre the model has a section [harmonic]
   void respond();
   [[nodiscard]] const ModelHarmonicResult& response() const { return response_; }
+  /// The chosen quantities at another state of the same mechanism; reactions that redundant constraints leave open are
+  /// shared out. In the order of chosen().
+  [[nodiscard]] std::vector<double> values_at(State state);
   // For those who look at the system itself.
   [[nodiscard]] const IntegratorSpec& integrator() const { return model_.integrator; }
   [[nodiscard]] Mechanism& mechanism() { return *mechanism_; }
@@ -102,6 +105,10 @@ class Runner {
   void go();  ///< the beginning of a motion: files, and what happens at once
   void advance(double end, const SimulationObserver& observer);
   void step(double limit);
+  void begin_controllers();  ///< with the state at the start
+  /// What FMUs are due for. @return false: one of them ends the run
+  [[nodiscard]] bool exchange();
+  [[nodiscard]] double next_exchange() const;
   void halt();  ///< the caller has interrupted a step: the state before it stands
   void begin_keeping(const Sample& s, const State& initial);
   void keep(const Sample& s);

@@ -79,6 +79,14 @@ KeptFrames& Runner::kept_frames() {
   return *frames_;
 }
 
+std::vector<double> Runner::values_at(State state) {
+  if (!guard_->redundant().empty()) guard_->share_reactions(state);
+  const Sample s{&state, last_report_};
+  std::vector<double> values;
+  for (const Quantity& q : quantities_) values.push_back(q.value(s));
+  return values;
+}
+
 SimulationFrame Runner::frame() { return kept_frames().frame(sample(last_report_).pictured()); }
 
 void Runner::watch_from_here() {

@@ -5,9 +5,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <numeric>
 
+#include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/shell_mesh.hpp"
@@ -70,7 +70,7 @@ std::unique_ptr<FlexibleBody> make_grid(const BodySpec& spec, ShellSpec& s) {
 
 /// The surface elements that the text chooses, alone.
 Mesh chosen_surfaces(const ShellSpec& s) {
-  if (!std::filesystem::exists(s.file->path))
+  if (!file_exists(s.file->path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", s.file->path));
   Mesh mesh = read_mesh(s.file->path);

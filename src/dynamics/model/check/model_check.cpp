@@ -66,6 +66,7 @@ void read_parts(const Value& root_value, Description& model) {
   read_supports(root, model);
   read_surfaces(root, model);
   read_events(root, model);
+  read_controllers(root, model);
 }
 
 /// A name in an expression that may be a parameter of the model to come: one that is not near to one that is there.

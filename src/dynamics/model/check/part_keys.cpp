@@ -8,7 +8,7 @@ std::span<const PartKeys> all_part_keys() {
   static constexpr PartKeys kPartKeys[] = {
       {"", "",
        "title units gravity markers statics integrator initial harmonic output solver bodies joints forces "
-       "materials surfaces contacts inputs sensors events splines supports equations ties parameters repeat"},
+       "materials surfaces contacts inputs sensors events controllers splines supports equations ties parameters repeat"},
       {"integrator", "",
        "start steps end method relative absolute absolute_velocity test_velocity max_order order "
        "initial_step max_step min_step step constraint_tolerance max_newton newton_tolerance refactor_rate "
@@ -158,6 +158,8 @@ std::span<const PartKeys> all_part_keys() {
        "kind outside points file x_scale y_scale separator x y"},
       {"events", "",
        "when contact stop once on off tolerance position_tolerance set"},
+      {"controllers", "",
+       "type file step inputs outputs start"},
       {"paths", "",
        "body through points quantities"},
   };

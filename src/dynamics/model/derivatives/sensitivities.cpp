@@ -60,6 +60,12 @@ class SensitivityRun {
       throw Error(StatusCode::invalid_input, "sensitivities begin with the model, not with a restart file");
     if (parameters.empty()) throw Error(StatusCode::invalid_input, "sensitivities: no parameter is given");
     const Description model = describe({});
+    if (!model.controllers.empty())
+      throw Error(
+          StatusCode::invalid_input,
+          fmt::format("sensitivities, also adjoint ones, do not pass FMUs, which do not tell how they depend on "
+                      "parameters and states, and the model has '{}'",
+                      model.controllers.front().name));
     if (!model.events.empty())
       throw Error(StatusCode::invalid_input,
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
