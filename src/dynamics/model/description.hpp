@@ -206,6 +206,7 @@ enum class JointType {
   prescribed,
   gear,
   rack_and_pinion,
+  coupled_slides,
   rolling,
   skate
 };
@@ -226,6 +227,7 @@ struct JointSpec {
   bool active = true;                       ///< at the start
   std::optional<StopLaw> stop, angle_stop;  ///< of displacement along and angle about z
   std::optional<FrictionSpec> friction;
+  double armature = 0;  ///< inertia of a rotor that turns or slides with the joint's coordinate; 0: none
   JointType type = JointType::fixed;
   std::vector<MarkerSpec> frames;      ///< two, or four of gear and rack-and-pinion
   double parameter = 0;                ///< length, ratio or radius
@@ -296,7 +298,7 @@ struct SupportSpec {
 /// A triangle mesh from a file; see contact/triangles.hpp.
 struct SurfaceFile {
   std::string path;
-  double scale = 1;
+  Vec3 scale = Vec3::Ones();  ///< factors on the coordinates
 };
 /// Faces of a solid body, or sides of a shell.
 struct SolidFaces {

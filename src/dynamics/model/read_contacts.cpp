@@ -65,6 +65,11 @@ void read_joint_contacts(Section& joint, JointSpec& out) {
     fail(joint.place("angle_limits"), "belongs to cylindrical joints; others have 'limits'");
   if (turns && slides)
     if (auto s = joint.table("angle_limits")) out.angle_stop = read_limits(*s);
+  if (joint.has("armature")) {
+    if (turns == slides)
+      fail(joint.place("armature"), "belongs to revolute and prismatic joints: the inertia of a rotor that moves with them");
+    out.armature = not_negative(joint, "armature", 0);
+  }
   if (auto s = joint.table("friction")) out.friction = read_friction(*s, out.type);
 }
 

@@ -7,6 +7,7 @@
 #include "base/output_file.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/expand.hpp"
+#include "dynamics/model/robots/robots.hpp"
 #include "dynamics/model/runner.hpp"
 #include "espalier/dynamics.hpp"
 
@@ -63,7 +64,15 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 Status Simulation::load(const std::string& path) {
   std::string text;
   const Status status = impl_->guard([&] { text = dynamics::read_whole_file(path); });
-  return status.ok() ? load_text(text, path) : status;
+  if (!status.ok()) return status;
+  if (!dynamics::model::robots::is_robot_file(path)) return load_text(text, path);
+  dynamics::model::robots::RobotText robot;
+  const Status read = impl_->guard([&] { robot = dynamics::model::robots::robot_as_model(std::move(text), path); });
+  if (!read.ok()) return read;
+  const Status loaded = load_text(robot.text, path);
+  std::vector<std::string>& notices = impl_->summary.notices;
+  notices.insert(notices.begin(), robot.notices.begin(), robot.notices.end());
+  return loaded;
 }
 
 Status Simulation::load_text(const std::string& text, const std::string& name) {

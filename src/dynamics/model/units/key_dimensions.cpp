@@ -90,6 +90,8 @@ constexpr KeyRow kKeyRows[] = {
     {kJointTable, "", "at length radius rim", "length"},
     {kJointTable, "", "axis x_axis ratio", "1"},
     {kJointTable, "", "rotation", "angle"},
+    {kJointTable, "type=revolute", "armature", "mass*length^2"},
+    {kJointTable, "type=prismatic", "armature", "mass"},
     {kJointTable, "type=rotation-motor", "motion", "angle"},
     {kJointTable, "type=translation-motor|prescribed", "motion", "length"},
     {kLimitsTable, "type=revolute", "lower upper smoothing", "angle"},
