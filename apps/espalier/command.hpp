@@ -44,6 +44,7 @@ void add_export_fmu(CLI::App& app, Action& action);
 void add_view(CLI::App& app, Action& action);
 void add_mesh(CLI::App& app, Action& action);
 void add_reduce(CLI::App& app, Action& action);
+void add_robot(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
 /// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it and
 /// add_report() say how to get them.

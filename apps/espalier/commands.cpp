@@ -14,6 +14,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_examples(app, action);
   add_mesh(app, action);
   add_reduce(app, action);
+  add_robot(app, action);
   add_generate(app, action);
   add_bench(app, argc, argv, action);
   add_report(app, action);

@@ -225,7 +225,8 @@ void add_simulate(CLI::App& app, Action& action) {
   auto command = std::make_shared<SimulateCommand>();
   SimulationOptions& o = command->options;
   CLI::App* sub = app.add_subcommand("simulate", "Simulate a mechanical system (docs/guide/simulate.md)");
-  add_file(*sub, "model", command->model, "the model, TOML")->required();
+  add_file(*sub, "model", command->model, "the model, TOML, or a robot, .urdf, .xml (docs/guide/robots.md)")
+      ->required();
   add_file(*sub, "--out", o.out, "folder for results: a page to look at, CSV, ParaView, restart file, summary.json",
            "DIR");
   sub->add_option("--set", o.set, "replace a value of the model, for instance parameters.size=2; may be repeated")

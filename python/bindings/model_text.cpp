@@ -1,12 +1,14 @@
 // Texts of models. Private: espalier/_model.py gives them types and exceptions.
 #include "espalier/model_text.hpp"
 
+#include <nanobind/stl/map.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/robots/robots.hpp"
 
 namespace espalier::python {
 
@@ -26,6 +28,22 @@ void bind_model_text(nb::module_& m) {
       },
       "section"_a, "name"_a, "text"_a, "file"_a);
   m.def("read_text", &dynamics::read_whole_file, "path"_a);
+  m.def(
+      "robot_text",
+      [](const std::string& path, const std::string& keyframe, bool free_base, bool geometry,
+         const std::map<std::string, double>& positions, const std::map<std::string, double>& velocities,
+         const std::map<std::string, std::string>& packages) {
+        dynamics::model::robots::RobotOptions options;
+        options.keyframe = keyframe;
+        options.free_base = free_base;
+        options.geometry = geometry;
+        options.positions = positions;
+        options.velocities = velocities;
+        options.packages = packages;
+        auto robot = dynamics::model::robots::robot_as_model(dynamics::read_whole_file(path), path, options);
+        return nb::make_tuple(robot.text, robot.notices);
+      },
+      "path"_a, "keyframe"_a, "free_base"_a, "geometry"_a, "positions"_a, "velocities"_a, "packages"_a);
   m.def("model_as_json", &model_as_json, "text"_a, "name"_a);
   m.def("model_part_keys", [] {
     nb::list rows;

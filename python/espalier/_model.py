@@ -70,6 +70,7 @@ class Model(Parts):
         self._name = "model"  # of the text in messages; its folder is where files are
         self._text: "str | None" = None  # that was read, with its tree as JSON, and as TOML since somebody has looked at it
         self._json = self._written = ""
+        self.notices: "list[str]" = []  # what the reader of a robot passed over
 
     @classmethod
     def load(cls, path: "str | os.PathLike[str]") -> "Model":
@@ -81,6 +82,33 @@ class Model(Parts):
     def from_text(cls, text: str) -> "Model":
         """Of a model text (TOML); files that it names are looked for in the current folder."""
         return cls._of(_checks.text(text, "text"), "model")
+
+    @classmethod
+    def from_urdf(cls, path: "str | os.PathLike[str]", *, free_base: bool = False, geometry: bool = True,
+                  positions: "Mapping[str, float] | None" = None, velocities: "Mapping[str, float] | None" = None,
+                  packages: "Mapping[str, str | os.PathLike[str]] | None" = None) -> "Model":
+        """Of a robot of ROS (URDF). free_base: its root is let go; geometry: False reads no shapes; positions, velocities: of
+        joints at the start, by name; packages: folders of package://NAME. What was passed over stands in notices (docs/guide/robots.md)."""
+        return cls._robot(path, "", free_base, geometry, positions, velocities, packages)
+
+    @classmethod
+    def from_mjcf(cls, path: "str | os.PathLike[str]", *, keyframe: "str | int | None" = None, geometry: bool = True,
+                  positions: "Mapping[str, float] | None" = None, velocities: "Mapping[str, float] | None" = None) -> "Model":
+        """Of a robot of MuJoCo (MJCF). keyframe: name or number of the one that it begins with; geometry: False reads no shapes and
+        makes no contacts; positions, velocities: of joints at the start, by name. What was passed over stands in notices (docs/guide/robots.md)."""
+        return cls._robot(path, "" if keyframe is None else str(keyframe), False, geometry, positions, velocities, None)
+
+    @classmethod
+    def _robot(cls, path: Any, keyframe: str, free_base: bool, geometry: bool, positions: Any, velocities: Any, packages: Any) -> "Model":
+        path = _checks.path(path, "path")
+        numbers = [{k: _checks.real(v, f"{what}[{k!r}]") for k, v in _checks.mapping(given, what).items()}
+                   for given, what in ((positions, "positions"), (velocities, "velocities"))]
+        folders = {k: _checks.path(v, f"packages[{k!r}]") for k, v in _checks.mapping(packages, "packages").items()}
+        text, notices = _core.robot_text(path, keyframe, _checks.flag(free_base, "free_base"), _checks.flag(geometry, "geometry"),
+                                         *numbers, folders)
+        model = cls._of(text, path)
+        model.notices = notices
+        return model
 
     @classmethod
     def _of(cls, text: str, name: str) -> "Model":

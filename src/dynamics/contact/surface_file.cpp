@@ -1,4 +1,5 @@
-// Rigid surfaces from files.
+#include "dynamics/contact/surface_file.hpp"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,18 +8,15 @@
 #include <cstring>
 #include <sstream>
 #include <stdexcept>
+#include <utility>
 
-#include "dynamics/contact/triangles.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics::contact {
 namespace {
 
-struct Soup {
-  std::vector<Vec3> points;
-  std::vector<std::array<Index, 3>> triangles;
-};
+using Soup = Triangles;
 
 [[noreturn]] void fail_file(const std::string& path, const std::string& what) {
   throw Error(StatusCode::invalid_input, fmt::format("{}: {}", path, what));
@@ -113,7 +111,7 @@ Soup outer_faces(const Mesh& mesh) {
 
 }  // namespace
 
-TriangleSurface read_surface(const std::string& path, double scale) {
+Triangles read_triangles(const std::string& path, const Vec3& scale) {
   const std::string name = lower(path);
   const auto ends = [&](const char* ending) {
     return name.ends_with(ending) || name.ends_with(std::string(ending) + ".gz");
@@ -131,12 +129,23 @@ TriangleSurface read_surface(const std::string& path, double scale) {
   } else {
     soup = outer_faces(read_mesh(path));
   }
-  for (Vec3& p : soup.points) p *= scale;
+  for (Vec3& p : soup.points) p = p.cwiseProduct(scale);
+  if (scale.prod() < 0)  // the mirror image: they would look inwards
+    for (auto& t : soup.triangles) std::swap(t[1], t[2]);
+  return soup;
+}
+
+TriangleSurface read_surface(const std::string& path, const Vec3& scale) {
+  Triangles soup = read_triangles(path, scale);
   try {
     return {std::move(soup.points), soup.triangles};
   } catch (const std::invalid_argument& error) {
     fail_file(path, error.what());
   }
+}
+
+TriangleSurface read_surface(const std::string& path, double scale) {
+  return read_surface(path, Vec3::Constant(scale));
 }
 
 }  // namespace espalier::dynamics::contact

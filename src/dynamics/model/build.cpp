@@ -5,6 +5,7 @@
 
 #include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/forces/guide.hpp"
+#include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/element_notices.hpp"
@@ -171,6 +172,8 @@ class Builder {
         return gear_joint(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
       case JointType::rack_and_pinion:
         return rack_and_pinion(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
+      case JointType::coupled_slides:
+        return coupled_slides(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
       case JointType::rolling:
       case JointType::skate:
         return rolling_joint(j.name, std::move(f[0]), std::move(f[1]), j.rolling);

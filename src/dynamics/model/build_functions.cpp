@@ -6,7 +6,9 @@
 #include <limits>
 #include <stdexcept>
 
+#include "dynamics/bodies/rotor_inertia.hpp"
 #include "dynamics/forces/sliding_friction.hpp"
+#include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/surface_shape.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/controllers/controllers.hpp"
@@ -199,6 +201,18 @@ void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& join
     contacts.angle_friction = add("angular friction", turn_about_z(), {f.curve, f.radius, f.angular_viscous}, about);
 }
 
+/// The rotor has a coordinate of its own, which follows that of the joint.
+void add_armature(const JointSpec& spec, const FrameBuilder& frames, Mechanism& out) {
+  const auto& rotor = out.system.add(std::make_unique<RotorInertia>(spec.name, spec.armature));
+  const auto frame = [&](std::size_t k) { return frames.make(spec.frames[k]); };
+  FramePtr ground = std::make_unique<GroundFrame>(), at_rotor = std::make_unique<RotorFrame>(rotor);
+  const std::string name = spec.name + " armature";
+  if (spec.type == JointType::revolute)
+    out.system.add(rack_and_pinion(name, frame(0), frame(1), std::move(ground), std::move(at_rotor), 1));
+  else
+    out.system.add(coupled_slides(name, frame(0), frame(1), std::move(ground), std::move(at_rotor), -1));
+}
+
 }  // namespace
 
 void build_functions(const Description& model, Mechanism& out) { FunctionBuilder(model, out).run(); }
@@ -215,6 +229,7 @@ void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& jo
     out.contacts[spec.name].angle_stop =
         add_stop("angular stop", coordinate_of_joint(joint, "bend_angle", turn_about_z()), *spec.angle_stop);
   if (spec.friction) add_friction(spec, frames, joint, out);
+  if (spec.armature > 0) add_armature(spec, frames, out);
 }
 
 void build_controls(const Description& model, Mechanism& out) {

@@ -8,6 +8,7 @@
 #include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
 #include "dynamics/contact/solid_contact.hpp"
+#include "dynamics/contact/surface_file.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/start_report.hpp"
@@ -110,7 +111,7 @@ class SurfaceBuilder {
 
   /// Bodies that are copies of each other share one surface.
   std::shared_ptr<const contact::TriangleSurface> triangles_of(const SurfaceFile& file) {
-    auto& known = files_[{file.path, file.scale}];
+    auto& known = files_[{file.path, {file.scale[0], file.scale[1], file.scale[2]}}];
     if (known) return known;
     base::check_path(file.path);
     if (!file_exists(file.path))
@@ -262,7 +263,7 @@ class SurfaceBuilder {
   const Description& model_;
   const FrameBuilder& frames_;
   Mechanism& out_;
-  std::map<std::pair<std::string, double>, std::shared_ptr<const contact::TriangleSurface>> files_;
+  std::map<std::pair<std::string, std::array<double, 3>>, std::shared_ptr<const contact::TriangleSurface>> files_;
 };
 
 }  // namespace

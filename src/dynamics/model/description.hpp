@@ -222,6 +222,7 @@ enum class JointType {
   prescribed,
   gear,
   rack_and_pinion,
+  coupled_slides,
   rolling,
   skate,
   // What these read and make: a row each in joint_kinds/kinds.cpp.
@@ -254,6 +255,7 @@ struct JointSpec {
   bool active = true;                       ///< at the start
   std::optional<StopLaw> stop, angle_stop;  ///< of displacement along and angle about z
   std::optional<FrictionSpec> friction;
+  double armature = 0;  ///< inertia of a rotor that turns or slides with the joint's coordinate; 0: none
   JointType type = JointType::fixed;
   std::vector<MarkerSpec> frames;                ///< two, or four of gear and rack-and-pinion, or those of a cable
   double parameter = 0;                          ///< length, ratio, radius or lead
@@ -353,7 +355,7 @@ struct TieSpec {
 /// A triangle mesh from a file; see contact/triangles.hpp.
 struct SurfaceFile {
   std::string path;
-  double scale = 1;
+  Vec3 scale = Vec3::Ones();  ///< factors on the coordinates
 };
 /// Faces of a solid body, or sides of a shell.
 struct SolidFaces {

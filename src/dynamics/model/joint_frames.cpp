@@ -30,6 +30,7 @@ std::vector<Pair> axes_of(JointType type) {
       return {{0, 1}};
     case JointType::gear:
     case JointType::rack_and_pinion:
+    case JointType::coupled_slides:
       return {{0, 1}, {2, 3}};
     default:
       break;

@@ -121,6 +121,12 @@ void read_joint_contacts(Section& joint, JointSpec& out) {
     fail(
         joint.place("friction"),
         "goes with a point that moves freely along its curve; this one is led by 'motion', whose force would press it");
+  if (joint.has("armature")) {
+    if (out.type != JointType::revolute && out.type != JointType::prismatic)
+      fail(joint.place("armature"),
+           "belongs to revolute and prismatic joints: the inertia of a rotor that moves with them");
+    out.armature = not_negative(joint, "armature", 0);
+  }
 }
 
 }  // namespace espalier::dynamics::model

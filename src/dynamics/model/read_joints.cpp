@@ -119,7 +119,8 @@ JointSpec read_joint(const std::string& name, const Value& value, Description& m
   j.place = value.place;
   j.name = name;
   j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
-  const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion;
+  const bool four =
+      j.type == JointType::gear || j.type == JointType::rack_and_pinion || j.type == JointType::coupled_slides;
   j.frames = j.type == JointType::cable ? read_through(s) : read_frames(s, four ? 4 : 2);
   j.pull = s.flag("pull", false);
   j.attach = read_attach(s);
@@ -131,6 +132,7 @@ JointSpec read_joint(const std::string& name, const Value& value, Description& m
         fail(s.place("length"), "must be greater than 0; for 0 take a spherical joint");
       break;
     case JointType::gear:
+    case JointType::coupled_slides:
       j.parameter = s.number("ratio");
       break;
     case JointType::rack_and_pinion:
@@ -308,6 +310,7 @@ const std::vector<std::string>& joint_type_names() {
                                                  "prescribed",
                                                  "gear",
                                                  "rack-and-pinion",
+                                                 "coupled-slides",
                                                  "rolling",
                                                  "skate",
                                                  "screw",

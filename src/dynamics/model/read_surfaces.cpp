@@ -73,7 +73,13 @@ SurfaceSpec read_surface(const std::string& name, const Value& value, const std:
     out.shape = contact::Shape(contact::BoxShape{0.5 * size});
     out.axes = s.rotation("rotation");
   } else {
-    SurfaceFile file{s.text("file"), s.positive("scale", 1)};
+    SurfaceFile file{s.text("file"), Vec3::Ones()};
+    if (const Value* scale = s.value("scale"); scale != nullptr && scale->type == Value::Type::array) {
+      file.scale = s.vector("scale");
+      if (file.scale.prod() == 0) fail(s.place("scale"), "needs three factors, none of them 0");
+    } else {
+      file.scale.setConstant(s.positive("scale", 1));
+    }
     if (!file.path.empty() && file.path.front() != '/' && !folder.empty()) file.path = folder + "/" + file.path;
     out.shape = std::move(file);
     out.axes = s.rotation("rotation");

@@ -7,6 +7,7 @@
 #include "base/output_file.hpp"
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/expand.hpp"
+#include "dynamics/model/robots/robots.hpp"
 #include "dynamics/model/runner.hpp"
 #include "espalier/dynamics.hpp"
 
@@ -62,8 +63,18 @@ Simulation& Simulation::operator=(Simulation&&) noexcept = default;
 
 Status Simulation::load(const std::string& path) {
   std::string text;
-  const Status status = impl_->guard([&] { text = dynamics::model::read_model_text(path); });
-  return status.ok() ? load_text(text, path) : status;
+  if (!dynamics::model::robots::is_robot_file(path)) {
+    const Status status = impl_->guard([&] { text = dynamics::model::read_model_text(path); });
+    return status.ok() ? load_text(text, path) : status;
+  }
+  dynamics::model::robots::RobotText robot;
+  const Status read =
+      impl_->guard([&] { robot = dynamics::model::robots::robot_as_model(dynamics::read_whole_file(path), path); });
+  if (!read.ok()) return read;
+  const Status loaded = load_text(robot.text, path);
+  std::vector<std::string>& notices = impl_->summary.notices;
+  notices.insert(notices.begin(), robot.notices.begin(), robot.notices.end());
+  return loaded;
 }
 
 Status Simulation::load_text(const std::string& text, const std::string& name) {

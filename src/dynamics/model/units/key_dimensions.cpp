@@ -56,7 +56,8 @@ constexpr KeyRow kKeyRows[] = {
     {"bodies.*.reduce", "", "modes damping", "1"},
     {"bodies.*.reduce", "", "frequency", "1/time"},
 
-    {kMeshTable, "", "scale unknowns divisions blades teeth sectors blade_fraction blade_taper disc_position step", "1"},
+    {kMeshTable, "", "scale unknowns divisions blades teeth sectors blade_fraction blade_taper disc_position step",
+     "1"},
     {kMeshTable, "", "angle pressure_angle opening blade_twist", "angle"},
     {kMeshTable, "", "lx ly lz length big_inner big_outer small_inner small_outer shank_big shank_small thickness",
      "length"},
@@ -98,6 +99,8 @@ constexpr KeyRow kKeyRows[] = {
     {kJointTable, "", "axis x_axis ratio teeth scale", "1"},
     {kJointTable, "type=point-on-surface", "angle", "angle"},
     {kJointTable, "", "rotation", "angle"},
+    {kJointTable, "type=revolute", "armature", "mass*length^2"},
+    {kJointTable, "type=prismatic", "armature", "mass"},
     {kJointTable, "type=rotation-motor", "motion", "angle"},
     {kJointTable, "type=translation-motor|prescribed|point-on-curve", "motion", "length"},
     {kLimitsTable, "type=revolute|parallel-axes|constant-velocity", "lower upper smoothing", "angle"},

@@ -1,0 +1,293 @@
+#!/usr/bin/env python3
+"""Public robots (URDF, MJCF) as espalier reads them, against MuJoCo: masses, inertias, joint axes, gravity torques, mass matrix and
+bias forces, and one second of free motion.
+
+    pip install mujoco; pip download --no-deps example-robot-data dm_control gymnasium gymnasium-robotics robosuite
+    python3 bench/dynamics/robots_truth.py FOLDER [--motion] [--only PATTERN]
+
+FOLDER holds the unpacked packages; robots that are not there are skipped, and counted. What is compared is the text of the model
+(bodies and frames of joints), by this program's own recursion over the tree, at three random states; and, with --motion, what
+espalier.Simulation makes of it. Exit code 1: something differs by more than 1e-9 (motion: 1e-6), or no robot was found.
+"""
+import argparse
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+ROBOTS = [  # paths in the unpacked packages
+    *(f"dm_control/dm_control/suite/{n}.xml" for n in (
+        "acrobot", "cartpole", "cheetah", "finger", "fish", "hopper", "humanoid", "humanoid_CMU", "pendulum", "quadruped", "reacher", "swimmer",
+        "walker", "dog", "stacker", "ball_in_cup", "point_mass")),
+    *(f"gymnasium/gymnasium/envs/mujoco/assets/{n}.xml" for n in ("ant", "half_cheetah", "humanoid", "hopper", "walker2d_v5", "pusher_v5",
+                                                                    "inverted_double_pendulum", "swimmer")),
+    "gymnasium_robotics/gymnasium_robotics/envs/assets/fetch/reach.xml",
+    "gymnasium_robotics/gymnasium_robotics/envs/assets/hand/reach.xml",
+    "gymnasium_robotics/gymnasium_robotics/envs/assets/adroit_hand/adroit_door.xml",
+    "dm_control/dm_control/third_party/kinova/jaco_arm.xml",
+    "dm_control/dm_control/third_party/ant/ant.xml",
+    "dm_control/dm_control/locomotion/walkers/assets/rodent.xml",
+    *(f"robosuite/robosuite/models/assets/robots/{n}/robot.xml" for n in ("panda", "sawyer", "ur5e", "iiwa", "jaco", "kinova3", "baxter", "tiago", "spot", "gr1")),
+]
+URDF = "example_robot_data"
+FREE, BALL, SLIDE, HINGE = range(4)  # MuJoCo's mjtJoint
+
+
+def rotation(q):
+    w, x, y, z = np.asarray(q, float) / np.linalg.norm(q)
+    return np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+                     [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+                     [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)]])
+
+
+def about(axis, angle):
+    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
+    return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+
+class Tree:
+    """The model's bodies and joints; body k hangs on joint k of MuJoCo."""
+
+    def __init__(self, tree, mj):
+        names = list(tree["bodies"])
+        assert len(names) == mj.njnt, f"{len(names)} bodies, {mj.njnt} joints"
+        self.bodies, self.gravity, self.mj = [], np.array(tree["gravity"], float), mj
+        first = {}
+        for n, j in tree.get("joints", {}).items():  # the first that leads to a body is the tree's, others close loops
+            if j["type"] in ("revolute", "prismatic", "spherical"):
+                first.setdefault(j["b"]["body"], j)
+        for k, name in enumerate(names):
+            body = tree["bodies"][name]
+            entry = {"mass": body["mass"], "inertia": np.array(body["inertia"], float), "joint": None, "parent": -1,
+                     "start": (np.array(body["position"], float), rotation(body["rotation"]["quaternion"]))}
+            if mj.jnt_type[k] == FREE:
+                o, r = mj.qpos0[mj.jnt_qposadr[k]:][:3], rotation(mj.qpos0[mj.jnt_qposadr[k] + 3:][:4])
+                entry["centre"] = entry["start"][1].T @ (entry["start"][0] - o)
+                assert np.allclose(r, entry["start"][1], atol=1e-12)
+            else:
+                j = first[name]
+                entry["joint"] = j
+                entry["parent"] = -1 if j["a"]["body"] == "ground" else names.index(j["a"]["body"])
+                entry["a"] = (np.array(j["a"]["point"], float), rotation(j["a"]["rotation"]["quaternion"]))
+                entry["b"] = (np.array(j["b"]["point"], float), rotation(j["b"]["rotation"]["quaternion"]))
+                entry["armature"] = j.get("armature", 0.0)
+            self.bodies.append(entry)
+
+    def evaluate(self, q, v):
+        """Mass matrix and bias forces."""
+        mj, nv = self.mj, self.mj.nv
+        zero = np.zeros(3)
+        m, bias, state = np.zeros((nv, nv)), np.zeros(nv), []
+        for k, b in enumerate(self.bodies):
+            qa, va = mj.jnt_qposadr[k], mj.jnt_dofadr[k]
+            if b["parent"] >= 0:
+                c, r, w, al, vc, ac, jv, jw = state[b["parent"]]
+            else:
+                c, r, w, al, vc, ac, jv, jw = zero, np.eye(3), zero, zero, zero, zero, np.zeros((3, nv)), np.zeros((3, nv))
+            jv, jw = jv.copy(), jw.copy()
+            if b["joint"] is None:
+                r = rotation(q[qa + 3:qa + 7])
+                arm = r @ b["centre"]
+                c, w = q[qa:qa + 3] + arm, r @ v[va + 3:va + 6]
+                al, ac = zero, np.cross(w, np.cross(w, arm))
+                jv[:], jw[:] = 0, 0
+                jv[:, va:va + 3] = np.eye(3)
+                jw[:, va + 3:va + 6] = r
+                for i in range(3):
+                    jv[:, va + 3 + i] = np.cross(r[:, i], arm)
+            else:
+                pa, ra = b["a"]
+                z = r @ ra[:, 2]
+                s, kind = r @ pa, b["joint"]["type"]
+                if kind == "prismatic":
+                    s = s + z * q[qa]
+                as_ = ac + np.cross(al, s) + np.cross(w, np.cross(w, s))
+                jv = jv + np.array([np.cross(jw[:, i], s) for i in range(nv)]).T
+                anchor = c + s
+                if kind == "prismatic":
+                    as_ = as_ + 2 * np.cross(w, z * v[va])
+                    jv[:, va] = z
+                    r = r @ ra @ b["b"][1].T
+                elif kind == "revolute":
+                    r = r @ ra @ about(np.array([0, 0, 1.0]), q[qa]) @ b["b"][1].T
+                    al = al + np.cross(w, z * v[va])
+                    w = w + z * v[va]
+                    jw[:, va] = z
+                else:
+                    r = r @ ra @ rotation(q[qa:qa + 4]) @ b["b"][1].T
+                    spin = r @ v[va:va + 3]
+                    al = al + np.cross(w, spin)
+                    w = w + spin
+                    jw[:, va:va + 3] = r
+                arm = -r @ b["b"][0]
+                c = anchor + arm
+                ac = as_ + np.cross(al, arm) + np.cross(w, np.cross(w, arm))
+                jv = jv + np.array([np.cross(jw[:, i], arm) for i in range(nv)]).T
+            state.append((c, r, w, al, None, ac, jv, jw))
+            inertia = r @ b["inertia"] @ r.T
+            m += b["mass"] * jv.T @ jv + jw.T @ inertia @ jw
+            if b.get("armature"):
+                m[va, va] += b["armature"]
+            bias += jv.T @ (b["mass"] * (ac - self.gravity)) + jw.T @ (inertia @ al + np.cross(w, inertia @ w))
+        return m, bias
+
+
+def random_state(mj, generator):
+    q, v = mj.qpos0.copy(), generator.uniform(-1, 1, mj.nv)
+    for k in range(mj.njnt):
+        a, kind = mj.jnt_qposadr[k], mj.jnt_type[k]
+        if kind in (HINGE, SLIDE):
+            q[a] += generator.uniform(-0.5, 0.5)
+        else:
+            at = a + (3 if kind == FREE else 0)
+            turn = generator.normal(size=4)
+            q[at:at + 4] = turn / np.linalg.norm(turn)
+    return q, v
+
+
+def truth_of(mj, q, v):
+    data = mujoco.MjData(mj)
+    data.qpos[:], data.qvel[:] = q, v
+    mujoco.mj_forward(mj, data)
+    m = np.zeros((mj.nv, mj.nv))
+    try:
+        mujoco.mj_fullM(mj, m, data.qM)
+    except (TypeError, AttributeError):
+        mujoco.mj_fullM(mj, data, m)
+    return m, data.qfrc_bias.copy()
+
+
+def mujoco_of(path):
+    """MuJoCo's model; of URDF without shapes, since it would give links without <inertial> masses of them."""
+    if path.suffix == ".urdf":
+        text = path.read_text()
+        text = re.sub(r"<(visual|collision)\b[^>]*/>|<(visual|collision)\b.*?</\2>", "", text, flags=re.S)
+        text = re.sub(r"(<robot\b[^>]*>)", r'\1<mujoco><compiler fusestatic="false" balanceinertia="false" inertiafromgeom="false"/></mujoco>', text, count=1)
+        return mujoco.MjModel.from_xml_string(text)
+    return mujoco.MjModel.from_xml_path(str(path))
+
+
+def compare(path, espalier):
+    mj = mujoco_of(path)
+    mj.opt.density = mj.opt.viscosity = 0  # no fluid
+    load = espalier.Model.from_urdf if path.suffix == ".urdf" else espalier.Model.from_mjcf
+    model = load(path, geometry=False)
+    tree = Tree(model.tree, mj)
+    moving = [k for k in range(1, mj.nbody) if mj.body_weldid[k] > 0 and mj.body_mocapid[mj.body_weldid[k]] < 0]
+    weight = 9.81 * mj.body_mass[moving].sum()
+    generator, worst_m, worst_b = np.random.default_rng(1), 0.0, 0.0
+    for _ in range(3):
+        q, v = random_state(mj, generator)
+        for speed in (0 * v, v):
+            m, bias = tree.evaluate(q, speed)
+            m0, bias0 = truth_of(mj, q, speed)
+            size = np.sqrt(np.outer(np.diag(m0), np.diag(m0)))
+            worst_m = max(worst_m, np.max(np.abs(m - m0) / size))
+            worst_b = max(worst_b, np.max(np.abs(bias - bias0)) / max(np.max(np.abs(bias0)), 1e-3 * weight))
+    mass = abs(sum(b["mass"] for b in tree.bodies) - mj.body_mass[moving].sum()) / mj.body_mass[moving].sum()
+    return mj, model, mass, worst_m, worst_b
+
+
+def motion(path, mj, espalier, end=1.0):
+    """Largest difference of the coordinates after a free motion: no contacts, limits, friction loss, actuators, equalities."""
+    generator = np.random.default_rng(2)
+    hinges = [k for k in range(mj.njnt) if mj.jnt_type[k] in (HINGE, SLIDE)]
+    data = mujoco.MjData(mj)
+    names = {k: mj.joint(k).name for k in hinges}
+    positions, velocities = {}, {}
+    for k in hinges:
+        if not names[k]:
+            continue
+        positions[names[k]] = data.qpos[mj.jnt_qposadr[k]] = mj.qpos0[mj.jnt_qposadr[k]] + generator.uniform(-0.2, 0.2)
+        velocities[names[k]] = data.qvel[mj.jnt_dofadr[k]] = generator.uniform(-0.2, 0.2)
+    load = espalier.Model.from_urdf if path.suffix == ".urdf" else espalier.Model.from_mjcf
+    model = load(path, geometry=False, positions=positions, velocities=velocities)
+    tree = model.tree
+    bodies = list(tree["bodies"])
+    kept, first = {}, set()
+    for n, j in tree.get("joints", {}).items():
+        if j["type"] in ("revolute", "prismatic", "spherical") and j["b"]["body"] not in first:
+            first.add(j["b"]["body"])
+            j.pop("limits", None)
+            kept[n] = j
+    tree["joints"] = kept
+    tree["forces"] = {n: f for n, f in tree.get("forces", {}).items() if n.endswith("_spring")}
+    for key in ("sensors", "inputs", "contacts", "surfaces", "markers"):
+        tree.pop(key, None)
+    tree["integrator"] = {"end": end, "relative": 1e-10, "absolute": 1e-10, "absolute_velocity": 1e-9}
+    of_joint = {j["b"]["body"]: (n, j["type"]) for n, j in kept.items()}
+    wanted = [f"{of_joint[b][0]}.{'angle' if of_joint[b][1] == 'revolute' else 'displacement'}" if b in of_joint and of_joint[b][1] != "spherical"
+              else f"{b}.position" for b in bodies]
+    tree["output"] = {"quantities": wanted, "csv_interval": False}
+    simulation = espalier.Simulation(model)
+    summary = simulation.run(progress=False).summary
+    flags = mujoco.mjtDisableBit
+    mj.opt.disableflags |= (flags.mjDSBL_CONTACT | flags.mjDSBL_LIMIT | flags.mjDSBL_FRICTIONLOSS | flags.mjDSBL_EQUALITY | flags.mjDSBL_ACTUATION)
+    mj.opt.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    mj.opt.timestep = 1e-4
+    for _ in range(round(end / mj.opt.timestep)):
+        mujoco.mj_step(mj, data)
+    mujoco.mj_forward(mj, data)
+    worst = 0.0
+    for k, (body, quantity) in enumerate(zip(bodies, wanted)):
+        if quantity.endswith(".position"):
+            weld = mj.body_weldid
+            at = mj.jnt_bodyid[k]
+            group = [i for i in range(mj.nbody) if weld[i] == at]
+            mass = mj.body_mass[group]
+            if mass.sum() == 0 or tree["bodies"][body]["mass"] < 1e-9 * mass.sum():
+                continue
+            truth = (data.xipos[group] * mass[:, None]).sum(0) / mass.sum()
+            found = np.array([simulation.value(f"{body}.position.{c}") for c in "xyz"])
+        else:
+            truth, found = data.qpos[mj.jnt_qposadr[k]], simulation.value(quantity)
+        worst = max(worst, np.max(np.abs(found - truth)))
+    return worst
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--motion", action="store_true")
+    parser.add_argument("--only", default="")
+    options = parser.parse_args()
+    import espalier
+
+    paths = [options.folder / r for r in ROBOTS] + sorted((options.folder / URDF).rglob("*.urdf"))
+    paths = [p for p in paths if options.only in str(p)]
+    found = good = moved = 0
+    for path in paths:
+        short = "/".join(path.parts[-3:])
+        if not path.exists():
+            print(f"skipped   {short}: not there")
+            continue
+        try:
+            mj = mujoco_of(path)
+        except Exception as error:  # MuJoCo does not read it: there is no truth
+            print(f"skipped   {short}: MuJoCo: {str(error)[:90]!r}")
+            continue
+        if mj.nv == 0:
+            print(f"skipped   {short}: nothing moves in it")
+            continue
+        found += 1
+        try:
+            mj, _, mass, m, bias = compare(path, espalier)
+            fine = max(mass, m, bias) < 1e-9
+            line = f"{short}: {mj.nv} velocities, mass {mass:.1e}, M {m:.1e}, bias {bias:.1e}"
+            if options.motion and fine:
+                error = motion(path, mj, espalier)
+                moved += error < 1e-6
+                line += f", motion {error:.1e}"
+            good += fine
+            print("equal    " if fine else "DIFFERENT", line, flush=True)
+        except Exception as error:
+            print(f"REFUSED   {short}: {type(error).__name__}: {str(error)[:300]}", flush=True)
+    print(f"{good} of {found} robots equal to 1e-9" + (f", {moved} motions to 1e-6" if options.motion else ""))
+    return 0 if found and good == found else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,402 @@
+// What acts between the bodies of MJCF.
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "dynamics/model/robots/mjcf.hpp"
+#include "espalier/types.hpp"
+
+namespace espalier::dynamics::model::robots {
+namespace {
+
+/// An actuator on its way through the classes of defaults: all kinds set the same fields, one after the other.
+struct ActuatorFields {
+  std::array<double, 3> gain{1, 0, 0}, bias{};
+  double damping_ratio = 0;
+  std::string gain_type = "fixed", bias_type = "none", dynamics = "none";
+  std::optional<bool> control_limited, force_limited;
+  std::optional<std::array<double, 2>> control_range, force_range;
+  std::array<double, 6> gear{1, 0, 0, 0, 0, 0};
+  std::string not_taken;
+};
+
+class PartsReader {
+ public:
+  PartsReader(const MjcfText& text, Robot& robot) : text_(text), robot_(robot) {
+    for (std::size_t k = 0; k < robot_.links.size(); ++k) {
+      links_[robot_.links[k].name] = static_cast<int>(k);
+      for (const RobotJoint& j : robot_.links[k].joints) joints_[j.name] = &j;
+      for (const Site& s : robot_.links[k].sites) sites_[s.name] = {static_cast<int>(k), s.pose};
+    }
+    for (const Site& s : robot_.ground.sites) sites_[s.name] = {-1, s.pose};
+  }
+
+  void run() {
+    for_all("tendon", [&](const Element& e) { add_tendon(e); });
+    for_all("actuator", [&](const Element& e) { add_actuator(e); });
+    for_all("equality", [&](const Element& e) { add_equality(e); });
+    for_all("contact", [&](const Element& e) {
+      if (e.tag() == "exclude")
+        robot_.excluded.push_back({named_link(e, "body1"), named_link(e, "body2")});
+      else
+        robot_.pass_over("<" + std::string(e.tag()) + "> of contacts");
+    });
+  }
+
+ private:
+  struct Placed {
+    int link;
+    Pose pose;
+  };
+
+  template <class Each>
+  void for_all(const char* section, const Each& each) {
+    for (const Element& s : text_.sections(section))
+      for (const Element& e : text_.children(s)) each(e);
+  }
+
+  std::string named_link(const Element& e, const char* key) const {
+    const std::string name = e.need(key);
+    if (name == "world") return "";
+    if (!links_.contains(name)) e.fail("there is no body '" + name + "'");
+    return name;
+  }
+  const Placed& named_site(const Element& e, const std::string& name) const {
+    const auto it = sites_.find(name);
+    if (it == sites_.end()) e.fail("there is no site '" + name + "'");
+    return it->second;
+  }
+  const RobotJoint& named_joint(const Element& e, const std::string& name) const {
+    const auto it = joints_.find(name);
+    if (it == joints_.end()) e.fail("there is no joint '" + name + "'");
+    return *it->second;
+  }
+  static bool has_coordinate(const RobotJoint& j) { return j.kind == JointKind::hinge || j.kind == JointKind::slide; }
+
+  // Tendons ----------------------------------------------------------------------------------------------------------
+
+  void add_tendon(const Element& e) {
+    const Attributes a = tendon_attributes(e);
+    Tendon t;
+    t.name = e.text("name");
+    if (t.name.empty()) t.name = "tendon_" + std::to_string(robot_.tendons.size() + 1);
+    if (!tendon_names_.insert(t.name).second) e.fail("there is a tendon of that name already");
+    bool whole = true;
+    if (e.tag() == "fixed") {
+      for (const Element& inner : text_.children(e)) {
+        const RobotJoint& j = named_joint(inner, inner.need("joint"));
+        if (!has_coordinate(j)) inner.fail("'" + j.name + "' is neither a hinge nor a slide");
+        t.joints.emplace_back(j.name, inner.number("coef", 0));
+      }
+      whole = !t.joints.empty();
+    } else if (e.tag() == "spatial") {
+      whole = add_pieces(e, t);
+    } else {
+      return robot_.pass_over("<" + std::string(e.tag()) + "> of tendons");
+    }
+    if (!whole) {
+      not_whole_.insert(t.name);
+      return robot_.pass_over("tendons that wrap around geoms");
+    }
+    const auto stiffness = a.numbers("stiffness", 1, 8), damping = a.numbers("damping", 1, 8);
+    t.stiffness = stiffness.empty() ? 0 : stiffness[0];
+    t.damping = damping.empty() ? 0 : damping[0];
+    t.friction = a.number("frictionloss", 0);
+    if (const auto rest = a.numbers("springlength", 1, 2); !rest.empty() && rest[0] >= 0)
+      t.rest = {rest[0], rest.size() > 1 ? rest[1] : rest[0]};
+    const bool ranged = a.has("range");
+    if (a.flag("limited", ranged && text_.compiler().auto_limits)) {
+      const auto range = a.numbers("range", 2, 2);
+      if (range.size() == 2) t.lower = range[0], t.upper = range[1];
+    }
+    if (a.number("armature", 0) != 0) robot_.pass_over("armature of tendons");
+    robot_.tendons.push_back(std::move(t));
+  }
+
+  /// Defaults of both kinds stand in <tendon>.
+  Attributes tendon_attributes(const Element& e) const {
+    std::vector<Element> chain = text_.defaults_of(e, "", {"tendon"});
+    chain.push_back(e);
+    std::reverse(chain.begin(), chain.end());
+    return Attributes(std::move(chain));
+  }
+
+  bool add_pieces(const Element& e, Tendon& t) {
+    std::string last;
+    double divisor = 1;
+    for (const Element& inner : text_.children(e)) {
+      if (inner.tag() == "pulley") {
+        divisor = inner.number("divisor", 1);
+        if (!(divisor > 0)) inner.fail("'divisor' must be greater than 0");
+        last.clear();
+      } else if (inner.tag() == "site") {
+        const std::string site = inner.need("site");
+        static_cast<void>(named_site(inner, site));
+        if (!last.empty()) t.pieces.push_back({last, site, divisor});
+        last = site;
+      } else {
+        return false;
+      }
+    }
+    if (t.pieces.empty()) e.fail("needs two sites");
+    return true;
+  }
+
+  // Actuators --------------------------------------------------------------------------------------------------------
+
+  static void apply(const Element& e, ActuatorFields& f) {
+    const std::string_view tag = e.tag();
+    const auto pair = [&](const char* key, auto& out) {
+      if (!e.has(key)) return;
+      const auto x = e.numbers(key, 2, 2);
+      out = std::array{x[0], x[1]};
+    };
+    const auto limited = [&](const char* key, std::optional<bool>& out) {
+      if (!e.has(key) || e.text(key) == "auto") return;
+      out = e.text(key) == "true";
+    };
+    pair("ctrlrange", f.control_range);
+    pair("forcerange", f.force_range);
+    limited("ctrllimited", f.control_limited);
+    limited("forcelimited", f.force_limited);
+    if (e.has("gear")) {
+      const auto gear = e.numbers("gear", 1, 6);
+      f.gear = {};
+      std::copy(gear.begin(), gear.end(), f.gear.begin());
+    }
+    f.not_taken.clear();
+    if (tag == "motor") {
+      f.gain = {1, 0, 0}, f.bias = {}, f.damping_ratio = 0;
+      f.gain_type = "fixed", f.bias_type = "none", f.dynamics = "none";
+    } else if (tag == "position") {
+      const double kp = e.number("kp", f.gain[0]);
+      f.gain = {kp, 0, 0};
+      f.bias[0] = 0, f.bias[1] = -kp;
+      if (e.has("kv")) f.bias[2] = -e.number("kv", 0), f.damping_ratio = 0;
+      if (e.has("dampratio")) f.damping_ratio = e.number("dampratio", 0), f.bias[2] = 0;
+      f.gain_type = "fixed", f.bias_type = "affine";
+      if (e.number("timeconst", 0) > 0) f.dynamics = "filterexact";
+    } else if (tag == "velocity") {
+      const double kv = e.number("kv", f.gain[0]);
+      f.gain = {kv, 0, 0}, f.bias = {0, 0, -kv}, f.damping_ratio = 0;
+      f.gain_type = "fixed", f.bias_type = "affine";
+    } else if (tag == "damper") {
+      f.gain = {0, 0, -e.number("kv", 1)}, f.bias = {}, f.damping_ratio = 0;
+      f.gain_type = "affine", f.bias_type = "none";
+    } else if (tag == "general") {
+      apply_general(e, f);
+    } else {
+      f.not_taken = tag;
+    }
+  }
+
+  static void apply_general(const Element& e, ActuatorFields& f) {
+    if (e.has("gaintype")) f.gain_type = e.text("gaintype");
+    if (e.has("biastype")) f.bias_type = e.text("biastype");
+    if (e.has("dyntype")) f.dynamics = e.text("dyntype");
+    const auto fill = [&](const char* key, std::array<double, 3>& out) {
+      if (!e.has(key)) return;
+      const auto x = e.numbers(key, 1, 10);
+      for (std::size_t k = 0; k < std::min<std::size_t>(3, x.size()); ++k) out[k] = x[k];
+    };
+    fill("gainprm", f.gain);
+    fill("biasprm", f.bias);
+    f.damping_ratio = 0;
+    if (f.bias[2] > 0 && f.gain[0] == -f.bias[1]) f.damping_ratio = f.bias[2], f.bias[2] = 0;
+  }
+
+  void add_actuator(const Element& e) {
+    static const std::vector<std::string_view> kinds = {"general", "motor",  "position", "velocity", "intvelocity",
+                                                        "damper",  "muscle", "cylinder", "adhesion", "plugin"};
+    ActuatorFields f;
+    for (const Element& by_default : text_.defaults_of(e, "", kinds)) apply(by_default, f);
+    apply(e, f);
+    Actuator a;
+    a.name = e.text("name");
+    a.joint = e.has("joint") ? e.text("joint") : e.text("jointinparent");
+    a.tendon = e.text("tendon");
+    a.site = e.text("site");
+    if (a.name.empty()) a.name = (a.joint + a.tendon + a.site).empty() ? "actuator" : a.joint + a.tendon + a.site;
+    const auto pass = [&](const std::string& what) {
+      robot_.actuators.push_back({});  // keyframes count it
+      robot_.pass_over(what);
+    };
+    if (!f.not_taken.empty()) return pass("<" + f.not_taken + "> actuators");
+    if ((f.gain_type != "fixed" && f.gain_type != "affine") || (f.bias_type != "none" && f.bias_type != "affine"))
+      return pass("actuators with muscles or gains of the user");
+    if (f.dynamics == "integrator" || f.dynamics == "muscle" || f.dynamics == "user")
+      return pass("actuators with dynamics of their own (" + f.dynamics + ")");
+    if (f.dynamics != "none") robot_.pass_over("filters of actuators (they act at once)");
+    if (a.joint.empty() && a.tendon.empty() && a.site.empty()) return pass("actuators on bodies or cranks");
+    if (!a.joint.empty() && !has_coordinate(named_joint(e, a.joint))) return pass("actuators on ball and free joints");
+    if (not_whole_.contains(a.tendon)) return pass("actuators of tendons that wrap around geoms");
+    if (!a.tendon.empty() && !tendon_names_.contains(a.tendon)) e.fail("there is no tendon '" + a.tendon + "'");
+    if (!a.site.empty()) static_cast<void>(named_site(e, a.site));
+    if (!a.site.empty() && e.has("refsite")) return pass("actuators between two sites");
+    if (!a.site.empty() && f.bias_type != "none") return pass("actuators of sites with feedback");
+    a.gear = f.gear;
+    a.gain = f.gain_type == "fixed" ? std::array{f.gain[0], 0.0, 0.0} : f.gain;
+    if (f.bias_type == "affine") a.bias = f.bias;
+    a.damping_ratio = f.bias_type == "affine" ? f.damping_ratio : 0;
+    const bool automatic = text_.compiler().auto_limits;
+    if (f.control_range && f.control_limited.value_or(automatic))
+      a.least_control = (*f.control_range)[0], a.largest_control = (*f.control_range)[1];
+    if (f.force_range && f.force_limited.value_or(automatic))
+      a.least_force = (*f.force_range)[0], a.largest_force = (*f.force_range)[1];
+    if (e.has("inheritrange") && !a.joint.empty() && e.number("inheritrange", 0) > 0)
+      if (const RobotJoint& j = named_joint(e, a.joint); j.lower && j.upper) {
+        const double middle = 0.5 * (*j.lower + *j.upper),
+                     half = 0.5 * e.number("inheritrange", 1) * (*j.upper - *j.lower);
+        a.least_control = middle - half, a.largest_control = middle + half;
+      }
+    robot_.actuators.push_back(std::move(a));
+  }
+
+  // Equalities -------------------------------------------------------------------------------------------------------
+
+  void add_equality(const Element& e) {
+    const Attributes a({[&] {
+      std::vector<Element> chain = text_.defaults_of(e, "", {"equality"});
+      chain.push_back(e);
+      std::reverse(chain.begin(), chain.end());
+      return chain;
+    }()});
+    Equality q;
+    q.name = e.text("name");
+    if (q.name.empty()) q.name = std::string(e.tag()) + "_" + std::to_string(robot_.equalities.size() + 1);
+    q.active = a.flag("active", true);
+    if (e.tag() == "connect" || e.tag() == "weld") {
+      q.kind = e.tag() == "connect" ? EqualityKind::connect : EqualityKind::weld;
+      set_places(e, q);
+    } else if (e.tag() == "joint") {
+      q.kind = EqualityKind::joint;
+      if (!set_coupling(e, q)) return robot_.pass_over("<joint> equalities whose polynomial is not linear");
+    } else {
+      return robot_.pass_over("<" + std::string(e.tag()) + "> equalities");
+    }
+    robot_.equalities.push_back(std::move(q));
+  }
+
+  void set_places(const Element& e, Equality& q) const {
+    if (e.has("site1")) {
+      const Placed &one = named_site(e, e.need("site1")), &two = named_site(e, e.need("site2"));
+      const auto name = [&](int link) {
+        return link < 0 ? std::string() : robot_.links[static_cast<std::size_t>(link)].name;
+      };
+      q.first = name(one.link), q.second = name(two.link);
+      q.on_first = one.pose, q.on_second = two.pose;
+      return;
+    }
+    q.first = named_link(e, "body1");
+    q.second = e.has("body2") ? named_link(e, "body2") : "";
+    const auto at = [&](const std::string& name) {
+      return name.empty() ? Pose{} : pose_at_ref(robot_, links_.at(name));
+    };
+    const Pose one = at(q.first), two = at(q.second);
+    const Vec3 anchor = e.vector("anchor", Vec3::Zero());
+    if (q.kind == EqualityKind::connect) {
+      q.on_first.p = anchor;
+      q.on_second.p = two.inverse() * (one * anchor);
+      return;
+    }
+    Pose relative = one.inverse() * two;
+    if (e.has("relpose")) {
+      const auto x = e.numbers("relpose", 7, 7);
+      if (x[3] != 0 || x[4] != 0 || x[5] != 0 || x[6] != 0)
+        relative = {{x[0], x[1], x[2]}, of_quaternion(x[3], x[4], x[5], x[6])};
+    }
+    q.on_second.p = anchor;
+    q.on_first = relative * q.on_second;
+  }
+
+  bool set_coupling(const Element& e, Equality& q) const {
+    std::vector<double> c = {0, 1, 0, 0, 0};
+    if (e.has("polycoef")) {
+      const auto given = e.numbers("polycoef", 1, 5);
+      std::copy(given.begin(), given.end(), c.begin());
+    }
+    const RobotJoint& one = named_joint(e, e.need("joint1"));
+    if (!has_coordinate(one)) e.fail("'" + one.name + "' is neither a hinge nor a slide");
+    q.first = one.name;
+    q.coupling = {"", 0, one.ref + c[0]};
+    if (!e.has("joint2")) return true;
+    if (c[2] != 0 || c[3] != 0 || c[4] != 0) return false;
+    const RobotJoint& two = named_joint(e, e.text("joint2"));
+    if (!has_coordinate(two)) e.fail("'" + two.name + "' is neither a hinge nor a slide");
+    q.second = two.name;
+    q.coupling = {two.name, c[1], one.ref + c[0] - c[1] * two.ref};
+    return true;
+  }
+
+  const MjcfText& text_;
+  Robot& robot_;
+  std::map<std::string, int> links_;
+  std::map<std::string, const RobotJoint*> joints_;
+  std::map<std::string, Placed> sites_;
+  std::set<std::string> tendon_names_, not_whole_;
+};
+
+}  // namespace
+
+void read_mjcf_parts(const MjcfText& text, Robot& robot) { PartsReader(text, robot).run(); }
+
+void read_mjcf_keyframe(const MjcfText& text, const RobotOptions& options, Robot& robot) {
+  std::vector<Element> keys;
+  for (const Element& section : text.sections("keyframe"))
+    for (const Element& e : text.children(section)) keys.push_back(e);
+  if (options.keyframe.empty()) {
+    for (Link& link : robot.links)
+      if (!link.joints.empty() && link.joints[0].kind == JointKind::free) link.joints[0].start_pose = link.pose;
+    return;
+  }
+  const auto number = numbers_of(options.keyframe);
+  auto it =
+      std::find_if(keys.begin(), keys.end(), [&](const Element& e) { return e.text("name") == options.keyframe; });
+  if (it == keys.end() && number && number->size() == 1 && (*number)[0] >= 0 &&
+      (*number)[0] < static_cast<double>(keys.size()))
+    it = keys.begin() + static_cast<std::ptrdiff_t>((*number)[0]);
+  if (it == keys.end()) {
+    std::string known;
+    for (const Element& e : keys) known += (known.empty() ? "" : ", ") + (e.has("name") ? e.text("name") : "(no name)");
+    throw Error(StatusCode::invalid_input, text.root().file->name() + ": there is no keyframe '" + options.keyframe +
+                                               "'; known are " + (known.empty() ? "none" : known));
+  }
+  constexpr std::size_t kMost = 10'000'000;
+  const std::vector<double> q = it->numbers("qpos", 0, kMost), v = it->numbers("qvel", 0, kMost),
+                            u = it->numbers("ctrl", 0, kMost);
+  std::size_t nq = 0, nv = 0;
+  for (Link& link : robot.links)
+    for (RobotJoint& j : link.joints) {
+      const bool ball = j.kind == JointKind::ball, free = j.kind == JointKind::free;
+      const std::size_t of_q = free ? 7 : ball ? 4 : 1, of_v = free ? 6 : ball ? 3 : 1;
+      if (!q.empty() && nq + of_q > q.size()) it->fail("'qpos' has too few numbers, " + std::to_string(q.size()));
+      if (!v.empty() && nv + of_v > v.size()) it->fail("'qvel' has too few numbers, " + std::to_string(v.size()));
+      if (free) j.start_pose = link.pose;
+      if (!q.empty()) {
+        const double* x = q.data() + nq;
+        if (free) j.start_pose.p = Vec3(x[0], x[1], x[2]);
+        if (free || ball) {
+          const double* w = x + (free ? 3 : 0);
+          if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0) j.start_pose.r = of_quaternion(w[0], w[1], w[2], w[3]);
+        } else {
+          j.start = x[0];
+        }
+      }
+      if (!v.empty()) {
+        const double* x = v.data() + nv;
+        if (free) j.start_velocity = Vec3(x[0], x[1], x[2]);
+        if (free || ball)
+          j.start_spin = Eigen::Map<const Vec3>(x + (free ? 3 : 0));
+        else
+          j.speed = x[0];
+      }
+      nq += of_q, nv += of_v;
+    }
+  if ((!q.empty() && nq != q.size()) || (!v.empty() && nv != v.size()))
+    it->fail("'qpos' and 'qvel' need " + std::to_string(nq) + " and " + std::to_string(nv) + " numbers");
+  if (!u.empty() && u.size() != robot.actuators.size())
+    it->fail("'ctrl' needs " + std::to_string(robot.actuators.size()) + " numbers");
+  for (std::size_t k = 0; k < u.size(); ++k) robot.actuators[k].start = u[k];
+}
+
+}  // namespace espalier::dynamics::model::robots

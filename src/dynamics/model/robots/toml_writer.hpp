@@ -1,0 +1,36 @@
+/// \file
+/// Pieces of a model text.
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "dynamics/model/robots/pose.hpp"
+
+namespace espalier::dynamics::model::robots {
+
+/// The shortest text that is read as the same number.
+[[nodiscard]] std::string number_text(double x);
+/// "[x, y, z]"
+[[nodiscard]] std::string vector_text(const Vec3& x);
+/// "{ quaternion = [w, x, y, z] }"
+[[nodiscard]] std::string rotation_text(const Mat3& r);
+/// A text in quotes.
+[[nodiscard]] std::string in_quotes(std::string_view text);
+
+/// Names of parts, which models have once: letters, digits, - and _.
+class Names {
+ public:
+  /// The name itself where nobody has it, else with the suffix or a number behind it.
+  [[nodiscard]] std::string take(const std::string& wish, const std::string& suffix);
+
+ private:
+  std::map<std::string, int> taken_;
+};
+
+/// A name as expressions take it: in quotes where it is not letters, digits and _.
+[[nodiscard]] std::string in_expression(const std::string& name, const std::string& quantity);
+
+}  // namespace espalier::dynamics::model::robots
