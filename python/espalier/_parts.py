@@ -121,6 +121,8 @@ class Parts:
         type "revolute" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
         limits: {...}
         friction: {...}
+        armature: number >= 0 [mass length^2], default 0. moment of inertia (prismatic: mass) of a rotor that moves
+            with the joint's coordinate and is felt there alone: that of a motor times the square of its gear ratio
 
         type "spherical" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above)
 
@@ -130,7 +132,9 @@ class Parts:
             above):
         angle_limits: {...}
 
-        type "prismatic" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as above)
+        type "prismatic" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as above):
+        armature: number >= 0 [mass], default 0. moment of inertia (prismatic: mass) of a rotor that moves with the
+            joint's coordinate and is felt there alone: that of a motor times the square of its gear ratio
 
         type "planar" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above)
 
@@ -167,6 +171,8 @@ class Parts:
         ratio: number, needed
 
         type "rack-and-pinion" (a, b, c, d, radius, pull, attach, active as above)
+
+        type "coupled-slides" (a, b, c, d, ratio, pull, attach, active as above)
 
         type "screw" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, angle_limits, friction
             as above):
@@ -380,7 +386,7 @@ class Parts:
         shape "mesh" (body, point, rotation as above):
         file: text, needed. of a mesh: .stl (text or binary), .obj, or a mesh file as for solids, of which the outer
             faces count; .gz too
-        scale: number > 0, default 1. factor on the coordinates of the file
+        scale: number > 0, default 1. factor on the coordinates of the file, or a list of three, along x, y and z
 
         shape "faces" (body as above):
         set: text. of faces: a face set of the solid's mesh

@@ -734,7 +734,7 @@ class Parts:
         self, name: str, /, type: Literal["revolute"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
         ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
         = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ..., friction: Friction =
-        ...
+        ..., armature: Number = ...
     ) -> str:
         """Adds [joints.NAME], type "revolute", and returns the name.
 
@@ -753,6 +753,8 @@ class Parts:
         active: true or false, default true
         limits: {...}
         friction: {...}
+        armature: number >= 0 [mass length^2], default 0. moment of inertia (prismatic: mass) of a rotor that moves
+            with the joint's coordinate and is felt there alone: that of a motor times the square of its gear ratio
         """
     @overload
     def joint(
@@ -829,7 +831,7 @@ class Parts:
         self, name: str, /, type: Literal["prismatic"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
         ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
         = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., limits: Limits = ..., friction: Friction =
-        ...
+        ..., armature: Number = ...
     ) -> str:
         """Adds [joints.NAME], type "prismatic", and returns the name.
 
@@ -848,6 +850,8 @@ class Parts:
         active: true or false, default true
         limits: {...}
         friction: {...}
+        armature: number >= 0 [mass], default 0. moment of inertia (prismatic: mass) of a rotor that moves with the
+            joint's coordinate and is felt there alone: that of a motor times the square of its gear ratio
         """
     @overload
     def joint(
@@ -1096,6 +1100,24 @@ class Parts:
         c: a marker's name or a table, needed
         d: a marker's name or a table, needed
         radius: number [length], needed
+        pull: true or false, default false
+        attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
+            rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
+            rotation are held, and the face may bend and warp
+        active: true or false, default true
+        """
+    @overload
+    def joint(
+        self, name: str, /, type: Literal["coupled-slides"], *, a: str | Frame, b: str | Frame, c: str | Frame, d: str
+        | Frame, ratio: Number, pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ...
+    ) -> str:
+        """Adds [joints.NAME], type "coupled-slides", and returns the name.
+
+        a: a marker's name or a table, needed
+        b: a marker's name or a table, needed
+        c: a marker's name or a table, needed
+        d: a marker's name or a table, needed
+        ratio: number, needed
         pull: true or false, default false
         attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
@@ -1734,7 +1756,7 @@ class Parts:
             body axes (ground: global)
         file: text, needed. of a mesh: .stl (text or binary), .obj, or a mesh file as for solids, of which the outer
             faces count; .gz too
-        scale: number > 0, default 1. factor on the coordinates of the file
+        scale: number > 0, default 1. factor on the coordinates of the file, or a list of three, along x, y and z
         rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload

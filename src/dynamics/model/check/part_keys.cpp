@@ -8,7 +8,8 @@ std::span<const PartKeys> all_part_keys() {
   static constexpr PartKeys kPartKeys[] = {
       {"", "",
        "title units gravity markers statics integrator initial harmonic output solver bodies joints forces "
-       "materials surfaces contacts inputs sensors events controllers splines supports equations ties parameters repeat"},
+       "materials surfaces contacts inputs sensors events controllers splines supports equations ties "
+       "parameters repeat"},
       {"integrator", "",
        "start steps end method relative absolute absolute_velocity test_velocity max_order order "
        "initial_step max_step min_step step constraint_tolerance max_newton newton_tolerance refactor_rate "
@@ -46,7 +47,7 @@ std::span<const PartKeys> all_part_keys() {
       {"joints", "fixed",
        "type a b bodies at rotation axis x_axis pull attach active"},
       {"joints", "revolute",
-       "type a b bodies at rotation axis x_axis pull attach active limits friction"},
+       "type a b bodies at rotation axis x_axis pull attach active limits friction armature"},
       {"joints", "spherical",
        "type a b bodies at rotation axis x_axis pull attach active"},
       {"joints", "universal",
@@ -54,7 +55,7 @@ std::span<const PartKeys> all_part_keys() {
       {"joints", "cylindrical",
        "type a b bodies at rotation axis x_axis pull attach active limits angle_limits friction"},
       {"joints", "prismatic",
-       "type a b bodies at rotation axis x_axis pull attach active limits friction"},
+       "type a b bodies at rotation axis x_axis pull attach active limits friction armature"},
       {"joints", "planar",
        "type a b bodies at rotation axis x_axis pull attach active"},
       {"joints", "point-on-line",
@@ -77,6 +78,8 @@ std::span<const PartKeys> all_part_keys() {
        "type a b c d ratio pull attach active"},
       {"joints", "rack-and-pinion",
        "type a b c d radius pull attach active"},
+      {"joints", "coupled-slides",
+       "type a b c d ratio pull attach active"},
       {"joints", "screw",
        "type a b bodies at rotation axis x_axis pull attach active lead limits angle_limits friction"},
       {"joints", "constant-velocity",
