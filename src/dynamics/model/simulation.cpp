@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "base/output_file.hpp"
+#include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
