@@ -58,7 +58,7 @@ std::vector<NamedFrame> wanted_frames(const Description& model, const BodySpec& 
     marker.reference = name;
     marker.place = {model.file, 0, "interfaces"};
     settle_frame_names(lookup);
-    const MarkerSpec resolved = frames.resolve(marker);
+    const MarkerSpec& resolved = frames.resolve(marker);
     if (resolved.body != body.name)
       refuse_reduction(fmt::format("the interface '{}' is on '{}', not on '{}'", name, resolved.body, body.name));
     out.push_back({name, resolved});
@@ -124,7 +124,7 @@ void fill_places(const FlexibleBody& body, const BuiltBody& built, ReducedMatric
   }
 }
 
-void fill(Description model, const ReducedMatricesOptions& what, const Options& solver, ReducedMatrices& out) {
+void fill(const Description& model, const ReducedMatricesOptions& what, const Options& solver, ReducedMatrices& out) {
   const BodySpec body = flexible_body(model, what.body);
   Mechanism none(1);  // names need no bodies
   const FrameBuilder names(model, none);
