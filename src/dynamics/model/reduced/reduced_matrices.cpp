@@ -202,7 +202,9 @@ ReducedMatrices reduced_matrices_of_text(const std::string& text, const std::str
   using namespace dynamics::model;
   ReducedMatrices result;
   try {
-    if (what.first_node < 1) refuse_reduction("the number of the first node must be above 0");
+    constexpr std::int64_t kMostNode = 90'000'000;  // Nastran's numbers have eight digits
+    if (what.first_node < 1 || what.first_node > kMostNode)
+      refuse_reduction(fmt::format("the number of the first node must lie between 1 and {}", kMostNode));
     Value root = parse_toml(text, name);
     expand(root, options.set);
     if (root.find("integrator") == nullptr && root.find("statics") == nullptr)  // nothing is run
