@@ -8,6 +8,7 @@
 #include "arrays.hpp"
 #include "bindings.hpp"
 #include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/robots/robots.hpp"
 
 namespace espalier::python {
@@ -27,7 +28,7 @@ void bind_model_text(nb::module_& m) {
         return status_of(check_model_part(section, name, text, file));
       },
       "section"_a, "name"_a, "text"_a, "file"_a);
-  m.def("read_text", &dynamics::read_whole_file, "path"_a);
+  m.def("read_text", &dynamics::model::read_model_text, "path"_a);
   m.def(
       "robot_text",
       [](const std::string& path, const std::string& keyframe, bool free_base, bool geometry,

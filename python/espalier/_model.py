@@ -74,7 +74,7 @@ class Model(Parts):
 
     @classmethod
     def load(cls, path: "str | os.PathLike[str]") -> "Model":
-        """Of a model file, which is read now; files that it names are looked for beside it."""
+        """Of a model file, which is read now; files that it names are looked for beside it. A deck (.inp, .bdf) is taken as it is."""
         path = _checks.path(path, "path")
         return cls._of(_core.read_text(path), path)
 

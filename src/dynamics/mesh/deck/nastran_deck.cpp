@@ -7,14 +7,11 @@
 #include <map>
 #include <optional>
 #include <set>
-#include <unordered_map>
 
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
 namespace {
-
-DeckPlace place_of(const NastranCard& card) { return {card.path, card.line}; }
 
 /// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
 bool is_harmless_card(const std::string& name) {
@@ -48,7 +45,6 @@ class NastranDeckReader {
       throw Error(StatusCode::invalid_input,
                   fmt::format("{}: there is no subcase {}; the deck has {}", deck.mesh.name, wanted, deck.steps));
     case_ = control.cases[static_cast<std::size_t>(std::max(wanted, 1) - 1)];
-    for (Index e = 0; e < deck.mesh.element_count(); ++e) elements_.emplace(deck.mesh.element_label(e), e);
   }
 
   void run() {
@@ -67,15 +63,11 @@ class NastranDeckReader {
       read(card);
     }
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
-    if (case_.load) loads(*case_.load, 1, 0);
-    for (const auto& [key, force] : forces_) deck_.forces.push_back(force);
+    if (case_.load) read_nastran_loads(cards_, *case_.load, case_.place, systems_, deck_);
   }
 
  private:
-  void leave(DeckKind kind, const std::string& what, const DeckPlace& place) {
-    DeckLeft& left = deck_.left[{kind, what}];
-    if (left.count++ == 0) left.place = place;
-  }
+  void leave(DeckKind kind, const std::string& what, const DeckPlace& place) { leave_card(deck_, kind, what, place); }
 
   void note(const NastranCard& card) {
     if (card.name == "PELAS" || card.name == "PDAMP")
@@ -84,9 +76,6 @@ class NastranDeckReader {
     if (card.name == "PBUSH") bushes_[card.integer(0, "property")] = &card;
     if (card.name == "EIGRL" || card.name == "EIGR") methods_[card.integer(0, "set")] = &card;
     if (card.name == "GRDSET") defaults_ = &card;
-    if (card.name == "LOAD" || card.name == "FORCE" || card.name == "MOMENT" || card.name == "PLOAD4" ||
-        card.name == "GRAV")
-      load_cards_[card.integer(0, "set")].push_back(&card);
   }
 
   /// Where the case control chooses none of a kind: none; where there is no case control, the only one.
@@ -164,12 +153,7 @@ class NastranDeckReader {
     leave(DeckKind::others, n, place_of(card));
   }
 
-  [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const {
-    const std::int64_t label = card.integer(k, "grid point");
-    const auto found = systems_.nodes().find(label);
-    if (found == systems_.nodes().end()) card.fail(fmt::format("grid point {} is not defined", label));
-    return found->second;
-  }
+  [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const { return grid_point(systems_, card, k); }
 
   /// Grid points of fields from `k` on: labels, and ranges of those that are defined ("1 THRU 9").
   [[nodiscard]] std::vector<Index> grids(const NastranCard& card, std::size_t k) {
@@ -371,123 +355,18 @@ class NastranDeckReader {
     deck_.equations.push_back(std::move(out));
   }
 
-  // Loads -------------------------------------------------------------------------------------------------------------
-
-  void loads(std::int64_t set, double factor, int depth) {
-    constexpr int kDeepest = 8;
-    const auto found = load_cards_.find(set);
-    if (found == load_cards_.end()) {
-      if (depth == 0)
-        leave(DeckKind::cload, fmt::format("LOAD = {}, which no card states that is read,", set), case_.place);
-      return;
-    }
-    for (const NastranCard* card : found->second) {
-      if (card->name == "LOAD") {
-        if (depth > kDeepest) card->fail("loads refer to one another in a circle");
-        const double all = card->real(1, "factor");
-        for (std::size_t k = 2; k + 1 < card->fields.size(); k += 2)
-          if (!card->field(k + 1).empty())
-            loads(card->integer(k + 1, "set"), factor * all * card->real(k, "factor"), depth + 1);
-      } else if (card->name == "FORCE" || card->name == "MOMENT") {
-        force(*card, factor);
-      } else if (card->name == "GRAV") {
-        const Point g = vector_of(*card, 1, 2, 3, nullptr);
-        DeckGravity out{place_of(*card), {}, {factor * g[0], factor * g[1], factor * g[2]}, 0};
-        deck_.gravity.push_back(out);
-      } else {
-        pressure(*card, factor);
-      }
-    }
-  }
-
-  /// Magnitude times vector of a card in a system, in basic axes.
-  Point vector_of(const NastranCard& card, std::size_t system, std::size_t magnitude, std::size_t first,
-                  const Point* at) {
-    Point local{}, out{};
-    for (std::size_t d = 0; d < 3; ++d)
-      local[d] = card.real(magnitude, "magnitude") * card.real(first + d, "direction", 0);
-    const std::int64_t id = card.integer(system, "coordinate system", 0);
-    if (id == 0) return local;
-    const std::array<Point, 3> axes = systems_.axes(card, id, at != nullptr ? *at : Point{1, 0, 0}, deck_.mesh);
-    for (std::size_t d = 0; d < 3; ++d)
-      for (std::size_t e = 0; e < 3; ++e) out[e] += local[d] * axes[d][e];
-    return out;
-  }
-
-  void force(const NastranCard& card, double factor) {
-    const Index node = grid(card, 1);
-    const Point f = vector_of(card, 2, 3, 4, &deck_.mesh.nodes[static_cast<std::size_t>(node)]);
-    const auto axes = deck_.axes.find(node);
-    for (std::size_t d = 0; d < 3; ++d) {
-      double value = factor * f[d];  // directions are those of the node
-      if (axes != deck_.axes.end())
-        value = factor * (f[0] * axes->second[d][0] + f[1] * axes->second[d][1] + f[2] * axes->second[d][2]);
-      if (value == 0) continue;
-      const int direction = static_cast<int>(d) + (card.name == "MOMENT" ? 3 : 0);
-      auto [known, added] =
-          forces_.try_emplace({node, direction}, DeckForce{place_of(card), node, direction, 0, -1, 0});
-      known->second.value += value;
-    }
-  }
-
-  void pressure(const NastranCard& card, double factor) {
-    const auto found = elements_.find(card.integer(1, "element"));
-    if (found == elements_.end())
-      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
-    const Index element = found->second;
-    const double value = card.real(2, "pressure");
-    for (const std::size_t k : {3U, 4U, 5U})
-      if (!card.field(k).empty() && card.real(k, "pressure") != value)
-        return leave(DeckKind::dload, "PLOAD4 with pressures that differ over the face", place_of(card));
-    for (std::size_t k = 8; k < card.fields.size(); ++k)
-      if (!card.field(k).empty()) return leave(DeckKind::dload, "PLOAD4 along a direction", place_of(card));
-    if (shape_of(deck_.mesh.type(element)).dimension < 3)
-      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
-    deck_.pressures.push_back({place_of(card), {element, face_of(card, element)}, factor * value, -1, 0});
-  }
-
-  /// The face with corner G1, and with G3 opposite to it (of quadrilaterals) or without G4 (of tetrahedra).
-  int face_of(const NastranCard& card, Index element) {
-    const auto nodes = deck_.mesh.element(element);
-    const ElementShape& shape = shape_of(deck_.mesh.type(element));
-    const Index first = grid(card, 6), other = card.field(7).empty() ? -1 : grid(card, 7);
-    std::vector<int> fitting;
-    for (std::size_t f = 0; f < shape.faces.size(); ++f) {
-      const auto corners = static_cast<std::size_t>(shape_of(shape.faces[f].type).corners);
-      std::size_t at = corners, beside = corners;
-      for (std::size_t a = 0; a < corners; ++a) {
-        const Index node = nodes[static_cast<std::size_t>(shape.faces[f].nodes[a])];
-        if (node == first) at = a;
-        if (node == other) beside = a;
-      }
-      if (at == corners) continue;
-      const bool tetrahedron = shape.corners == 4;
-      const bool fits = tetrahedron    ? other >= 0 && beside == corners
-                        : corners == 4 ? beside != corners && (at + 2) % 4 == beside
-                                       : other < 0 || beside != corners;
-      if (fits) fitting.push_back(static_cast<int>(f));
-    }
-    if (fitting.size() != 1)
-      card.fail(fmt::format("G1 and G3 (of tetrahedra G4) name {} faces of element {}; one is needed", fitting.size(),
-                            element_name(deck_.mesh, element)));
-    return fitting.front();
-  }
-
   const std::vector<NastranCard>& cards_;
   const NastranControl& control_;
   NastranSystems& systems_;
   Deck& deck_;
   NastranCase case_;
-  std::unordered_map<std::int64_t, Index> elements_;
   std::map<std::int64_t, Index> by_label_;
   std::size_t members_ = 0;
   std::map<std::pair<std::string, std::int64_t>, double> values_;  // of PELAS and PDAMP
   std::map<std::int64_t, const NastranCard*> bushes_, methods_;
-  std::map<std::int64_t, std::vector<const NastranCard*>> load_cards_;
   const NastranCard* defaults_ = nullptr;  // GRDSET
   std::set<Index> own_axes_, own_supports_;
   std::map<std::pair<Index, int>, DeckHold> holds_;
-  std::map<std::pair<Index, int>, DeckForce> forces_;
 };
 
 }  // namespace

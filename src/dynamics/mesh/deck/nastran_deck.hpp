@@ -15,4 +15,15 @@ namespace espalier::dynamics {
 void read_nastran_deck(const std::vector<NastranCard>& cards, const NastranControl& control, NastranSystems& systems,
                        int wanted, Deck& deck);
 
+/// The loads of a set, with those that LOAD adds up. @param place  of the case that takes it
+void read_nastran_loads(const std::vector<NastranCard>& cards, std::int64_t set, const DeckPlace& place,
+                        NastranSystems& systems, Deck& deck);
+
+// What the pieces of the reader share.
+[[nodiscard]] inline DeckPlace place_of(const NastranCard& card) { return {card.path, card.line}; }
+/// The node of field `k`. @throws Error where the grid point is not defined
+[[nodiscard]] Index grid_point(const NastranSystems& systems, const NastranCard& card, std::size_t k);
+/// What nobody takes.
+void leave_card(Deck& deck, DeckKind kind, const std::string& what, const DeckPlace& place);
+
 }  // namespace espalier::dynamics

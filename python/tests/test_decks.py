@@ -1,0 +1,65 @@
+"""Decks of other programs, by themselves and in a model. Truth: E A / l of a bar."""
+import pathlib
+import tempfile
+import unittest
+
+import espalier as esp
+
+BAR = """*NODE
+1,0,0,0
+2,2,0,0
+3,2,1,0
+4,0,1,0
+5,0,0,1
+6,2,0,1
+7,2,1,1
+8,0,1,1
+*NSET, NSET=LEFT
+1,4,5,8
+*NSET, NSET=RIGHT
+2,3,6,7
+*ELEMENT, TYPE=C3D8, ELSET=BAR
+1, 1,2,3,4,5,6,7,8
+*MATERIAL, NAME=M
+*ELASTIC
+1000, 0
+*SOLID SECTION, ELSET=BAR, MATERIAL=M
+*BOUNDARY
+LEFT, 1, 3
+*STEP
+*STATIC
+*CLOAD
+RIGHT, 1, 1.
+"""
+
+
+class Decks(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.path = pathlib.Path(folder.name) / "bar.inp"
+        self.path.write_text(BAR)
+
+    def test_a_deck_runs_as_it_is(self):
+        simulation = esp.Simulation(self.path, quantities=["part_hold_1.force.x"])
+        simulation.run()
+        self.assertAlmostEqual(simulation.value("part_hold_1.force.x"), -4, places=12)
+
+    def test_a_model_takes_of_a_deck_what_it_names(self):
+        model = esp.Model(bodies={"bar": {"type": "solid", "mesh": {"file": str(self.path), "take": ["boundary"]}}})
+        model.marker("end", body="bar", nodes="RIGHT")
+        model.force("pull", "load", a="end", force=[8, 0, 0])
+        model.equation("level", body="bar", terms=[{"node": 2, "direction": "x"}, {"node": 3, "direction": "x", "factor": -1}])
+        model.statics(linear=True)
+        result = esp.Simulation(model, quantities=["end.position.x"])
+        result.run()
+        self.assertAlmostEqual(result.value("end.position.x"), 2 + 8 / 500, places=12)
+
+    def test_what_cannot_be_taken_is_refused(self):
+        self.path.write_text(BAR.replace("*STATIC", "*BUCKLE"))
+        with self.assertRaisesRegex(esp.InvalidInputError, r"bar\.inp:\d+: .*\*BUCKLE"):
+            esp.Simulation(self.path)
+
+
+if __name__ == "__main__":
+    unittest.main()
