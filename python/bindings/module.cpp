@@ -18,7 +18,7 @@ std::string python_words(std::string message) {
       {"Solver::refactorize", "Solver.factorize"},
       {"Solver::solve_device", "Solver.solve"},
       {"Solver::condition_estimate", "Solver.condition"},
-      {"--library PATH, FmuOptions::library", "pip install espalier brings it"},
+      {", or name it (--library PATH, FmuOptions::library)", ""},
       {"(--outputs hinge.angle)", "(outputs=[\"hinge.angle\"])"},
       {"SensitivityParameter::step", "parameters={path: step}"},
       {"or SimulationOptions", "or in quantities=[...]"},

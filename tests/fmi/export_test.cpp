@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
 #include <thread>
 
 #include "espalier/dynamics.hpp"
@@ -66,6 +67,14 @@ class ExportedFmu : public ::testing::TestWithParam<int> {
     EXPECT_EQ(r.bytes, bytes_of_file(r.path).size());
     return r.path;
   }
+  /// The pendulum's FMU, made once for each version.
+  [[nodiscard]] std::string pendulum() const {
+    static std::map<int, std::string> made;
+    std::string& bytes = made[GetParam()];
+    if (bytes.empty()) bytes = bytes_of_file(written(kPendulum, with_library(GetParam())));
+    write_file(folder_ / "model.fmu", bytes);
+    return folder_ / "model.fmu";
+  }
   [[nodiscard]] std::string refused(const std::string& text, FmuOptions options) const {
     const FmuResult r = export_fmu_of_text(text, folder_ / "model.toml", folder_ / "model", options);
     EXPECT_FALSE(r.status.ok());
@@ -76,7 +85,7 @@ class ExportedFmu : public ::testing::TestWithParam<int> {
 };
 
 TEST_P(ExportedFmu, StepsAsTheSimulator) {
-  const auto fmu = load_file(written(kPendulum, with_library(GetParam())));
+  const auto fmu = load_file(pendulum());
   const ModelDescription& d = fmu->description();
   EXPECT_TRUE(d.serializes_state);
   SimulationOptions options;
@@ -103,7 +112,7 @@ TEST_P(ExportedFmu, StepsAsTheSimulator) {
 }
 
 TEST_P(ExportedFmu, GoesBackAlsoInAnotherInstance) {
-  const std::string path = written(kPendulum, with_library(GetParam()));
+  const std::string path = pendulum();
   const auto fmu = load_file(path), other = load_file(path);
   const ForeignVariable angle = *fmu->description().find("hinge.angle"), torque = *fmu->description().find("torque");
   fmu->begin(0, {{*fmu->description().find("parameters.mass"), 3.0}});
@@ -137,7 +146,7 @@ TEST_P(ExportedFmu, GoesBackAlsoInAnotherInstance) {
 }
 
 TEST_P(ExportedFmu, InstancesInThreadsAreApart) {
-  const std::string path = written(kPendulum, with_library(GetParam()));
+  const std::string path = pendulum();
   const auto run = [&](double mass, double& out) {
     const auto fmu = load_file(path);
     fmu->begin(0, {{*fmu->description().find("parameters.mass"), mass}});
@@ -145,17 +154,17 @@ TEST_P(ExportedFmu, InstancesInThreadsAreApart) {
     for (int k = 0; k < 10; ++k) EXPECT_TRUE(fmu->step(0.05 * k, 0.05));
     out = fmu->get(*fmu->description().find("hinge.force.y"));
   };
-  double alone[4], together[4];
-  for (int k = 0; k < 4; ++k) run(1 + k, alone[k]);
+  double alone[3], together[3];
+  for (int k = 0; k < 3; ++k) run(1 + k, alone[k]);
   std::vector<std::thread> threads;
-  for (int k = 0; k < 4; ++k) threads.emplace_back([&, k] { run(1 + k, together[k]); });
+  for (int k = 0; k < 3; ++k) threads.emplace_back([&, k] { run(1 + k, together[k]); });
   for (std::thread& t : threads) t.join();
-  for (int k = 0; k < 4; ++k) EXPECT_EQ(alone[k], together[k]);
+  for (int k = 0; k < 3; ++k) EXPECT_EQ(alone[k], together[k]);
   EXPECT_NE(alone[0], alone[1]);
 }
 
 TEST_P(ExportedFmu, SaysWhatIsWrongThroughTheLogger) {
-  const auto fmu = load_file(written(kPendulum, with_library(GetParam())));
+  const auto fmu = load_file(pendulum());
   const ModelDescription& d = fmu->description();
   const auto message = [](const auto& call) -> std::string {
     try {
@@ -204,7 +213,7 @@ TEST_P(ExportedFmu, HoldsItsFiles) {
 }
 
 TEST_P(ExportedFmu, RunsWithinOurOwnModel) {
-  const std::string path = written(kPendulum, with_library(GetParam()));
+  const std::string path = pendulum();
   Simulation s;
   const Status status = s.load_text(R"(
 [bodies.m]

@@ -84,7 +84,7 @@ std::string find_fmu_library(const std::string& given) {
       return fs::canonical(at, error).string();
   refuse(
       fmt::format("{} is not there, beside {} or in the library folder of an installation; build it (cmake --build "
-                  "build/release --target espalier_fmu), or name it: --library PATH, FmuOptions::library",
+                  "build/release --target espalier_fmu), or name it (--library PATH, FmuOptions::library)",
                   kLibrary, folder.string()));
 }
 
