@@ -67,7 +67,8 @@ void read_joint_contacts(Section& joint, JointSpec& out) {
     if (auto s = joint.table("angle_limits")) out.angle_stop = read_limits(*s);
   if (joint.has("armature")) {
     if (turns == slides)
-      fail(joint.place("armature"), "belongs to revolute and prismatic joints: the inertia of a rotor that moves with them");
+      fail(joint.place("armature"),
+           "belongs to revolute and prismatic joints: the inertia of a rotor that moves with them");
     out.armature = not_negative(joint, "armature", 0);
   }
   if (auto s = joint.table("friction")) out.friction = read_friction(*s, out.type);

@@ -110,7 +110,8 @@ JointSpec read_joint(const std::string& name, const Value& value) {
   j.place = value.place;
   j.name = name;
   j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
-  const bool four = j.type == JointType::gear || j.type == JointType::rack_and_pinion || j.type == JointType::coupled_slides;
+  const bool four =
+      j.type == JointType::gear || j.type == JointType::rack_and_pinion || j.type == JointType::coupled_slides;
   j.frames = read_frames(s, four ? 4 : 2);
   j.pull = s.flag("pull", false);
   j.attach = read_attach(s);
@@ -264,24 +265,10 @@ void read_nodes(Section& s, MarkerSpec& m) {
 }  // namespace
 
 const std::vector<std::string>& joint_type_names() {
-  static const std::vector<std::string> names = {"fixed",
-                                                 "revolute",
-                                                 "spherical",
-                                                 "universal",
-                                                 "cylindrical",
-                                                 "prismatic",
-                                                 "planar",
-                                                 "point-on-line",
-                                                 "distance",
-                                                 "revolute-spherical",
-                                                 "rotation-motor",
-                                                 "translation-motor",
-                                                 "prescribed",
-                                                 "gear",
-                                                 "rack-and-pinion",
-                                                 "coupled-slides",
-                                                 "rolling",
-                                                 "skate"};
+  static const std::vector<std::string> names = {
+      "fixed",      "revolute",      "spherical",       "universal",          "cylindrical",    "prismatic",
+      "planar",     "point-on-line", "distance",        "revolute-spherical", "rotation-motor", "translation-motor",
+      "prescribed", "gear",          "rack-and-pinion", "coupled-slides",     "rolling",        "skate"};
   return names;
 }
 

@@ -265,8 +265,10 @@ class BodyReader {
     Link& link = link_of(around.link);
     g.kind = kind->second;
     g.name = e.text("name");
-    if (g.name.empty()) g.name = (link.name.empty() ? "world" : link.name) + "_geom";
-    else if (!geom_names_.insert(g.name).second) e.fail("there is a geom of that name already");
+    if (g.name.empty())
+      g.name = (link.name.empty() ? "world" : link.name) + "_geom";
+    else if (!geom_names_.insert(g.name).second)
+      e.fail("there is a geom of that name already");
     g.type = static_cast<unsigned>(a.number("contype", 1));
     g.affinity = static_cast<unsigned>(a.number("conaffinity", 1));
     g.dimensions = static_cast<int>(a.number("condim", 3));
@@ -293,9 +295,9 @@ class BodyReader {
     std::vector<double> size = a.numbers("size", 1, 3);
     const auto ends = ends_of(a, around);
     g.pose = site_pose(a, around);
-    const std::size_t needed = g.kind == GeomKind::sphere ? 1
+    const std::size_t needed = g.kind == GeomKind::sphere                                    ? 1
                                : g.kind == GeomKind::capsule || g.kind == GeomKind::cylinder ? 2
-                                                                                              : 3;
+                                                                                             : 3;
     if (ends && needed >= 2) {
       const double half = 0.5 * ((*ends)[0] - (*ends)[1]).norm();
       if (!(half > 0)) e.fail("the two points of 'fromto' are one");

@@ -25,10 +25,10 @@ struct Mimic {
 struct RobotJoint {
   std::string name;
   JointKind kind = JointKind::hinge;
-  Vec3 axis = Vec3::UnitZ();   ///< in the axes of its link, of length one
-  Vec3 point = Vec3::Zero();   ///< in the axes of its link
-  double ref = 0;              ///< the coordinate where the link is at Link::pose
-  double start = 0, speed = 0; ///< coordinate and rate at the start
+  Vec3 axis = Vec3::UnitZ();    ///< in the axes of its link, of length one
+  Vec3 point = Vec3::Zero();    ///< in the axes of its link
+  double ref = 0;               ///< the coordinate where the link is at Link::pose
+  double start = 0, speed = 0;  ///< coordinate and rate at the start
   double stiffness = 0, rest = 0, damping = 0, friction = 0, armature = 0;
   std::optional<double> lower, upper;
   double least_force = -std::numeric_limits<double>::infinity(), largest_force = -least_force;  ///< of actuators
@@ -43,10 +43,10 @@ enum class GeomKind { plane, sphere, capsule, cylinder, box, ellipsoid, mesh };
 struct Geom {
   std::string name;
   GeomKind kind = GeomKind::sphere;
-  Pose pose;                  ///< in the axes of its link
-  Vec3 size = Vec3::Zero();   ///< radius; radius and half length; half edges; semi-axes
-  std::string file;           ///< of a mesh
-  Vec3 scale = Vec3::Ones();  ///< of a mesh
+  Pose pose;                        ///< in the axes of its link
+  Vec3 size = Vec3::Zero();         ///< radius; radius and half length; half edges; semi-axes
+  std::string file;                 ///< of a mesh
+  Vec3 scale = Vec3::Ones();        ///< of a mesh
   unsigned type = 1, affinity = 1;  ///< two geoms touch where a type and an affinity have a bit in common
   double friction = 1;
   int dimensions = 3;  ///< 1: without friction
@@ -54,8 +54,8 @@ struct Geom {
 
 struct Mass {
   double mass = 0;
-  Vec3 centre = Vec3::Zero();     ///< in the axes of the link
-  Mat3 inertia = Mat3::Zero();    ///< about the centre, in the axes of the link
+  Vec3 centre = Vec3::Zero();   ///< in the axes of the link
+  Mat3 inertia = Mat3::Zero();  ///< about the centre, in the axes of the link
 };
 
 struct Site {
@@ -64,9 +64,9 @@ struct Site {
 };
 
 struct Link {
-  std::string name, where;  ///< where: "file:line", for messages
-  int parent = -1;          ///< in Robot::links; -1: the ground
-  Pose pose;                ///< in the axes of the parent, with all joints at their `ref`
+  std::string name, where;         ///< where: "file:line", for messages
+  int parent = -1;                 ///< in Robot::links; -1: the ground
+  Pose pose;                       ///< in the axes of the parent, with all joints at their `ref`
   std::vector<RobotJoint> joints;  ///< one after the other; none: welded to the parent
   Mass mass;
   double weightless = 0;  ///< part of gravity that it does not feel
@@ -88,7 +88,8 @@ struct Tendon {
   std::optional<double> lower, upper;
 };
 
-/// force = (gain0 + gain1 length + gain2 rate) u + bias0 + bias1 length + bias2 rate, along gear times a joint's coordinate, a tendon, or a site.
+/// force = (gain0 + gain1 length + gain2 rate) u + bias0 + bias1 length + bias2 rate, along gear times a joint's
+/// coordinate, a tendon, or a site.
 struct Actuator {
   std::string name, joint, tendon, site;
   std::array<double, 6> gear = {1, 0, 0, 0, 0, 0};
@@ -121,7 +122,7 @@ struct Robot {
   std::vector<Equality> equalities;
   std::vector<std::array<std::string, 2>> excluded;  ///< links that do not touch each other
   bool contacts = true;
-  bool touch_parents = false;  ///< links touch those that they are joined to
+  bool touch_parents = false;              ///< links touch those that they are joined to
   std::map<std::string, int> passed_over;  ///< what is not taken, with how often
   std::vector<std::string> notices;
   void pass_over(const std::string& what, int count = 1) { passed_over[what] += count; }

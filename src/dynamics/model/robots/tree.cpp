@@ -87,8 +87,8 @@ class TreeMaker {
       for (const auto& [name, value] : given) {
         const auto it = tree_.joints.find(name);
         if (it == tree_.joints.end())
-          throw Error(StatusCode::invalid_input, std::string(what) + ": there is no hinge or slide '" + name + "'" +
-                                                     suggestion(name, known));
+          throw Error(StatusCode::invalid_input,
+                      std::string(what) + ": there is no hinge or slide '" + name + "'" + suggestion(name, known));
         body(it->second).joint.*field = value;
       }
     };
@@ -152,7 +152,7 @@ class TreeMaker {
                       who + "moves by the joint '" + m.joint.name +
                           "' and has no mass, nor has anything that hangs on it: give it one, or make the joint fixed");
         const double size = m.composite.inertia.trace();
-        if (m.links.size() + m.places.size() > 0 && m.carrier && !m.links.empty()) ++without;
+        if (!m.links.empty()) ++without;
         m.mass.mass = kUnfelt * m.composite.mass;
         m.mass.centre = m.joint.point;
         m.mass.inertia = kUnfelt * (size > 0 ? size : m.composite.mass) * Mat3::Identity();
@@ -161,16 +161,18 @@ class TreeMaker {
       }
       const Vec3 principal = dense::principal_values(m.mass.inertia);
       if (!(principal[0] > 1e-15 * principal[2]) || !std::isfinite(principal[2]))
-        throw Error(StatusCode::invalid_input, who + "has a mass and an inertia that is not positive (principal moments " +
-                                                   std::to_string(principal[0]) + ", " + std::to_string(principal[1]) +
-                                                   ", " + std::to_string(principal[2]) +
-                                                   "): give it that of its shape");
+        throw Error(StatusCode::invalid_input,
+                    who + "has a mass and an inertia that is not positive (principal moments " +
+                        std::to_string(principal[0]) + ", " + std::to_string(principal[1]) + ", " +
+                        std::to_string(principal[2]) + "): give it that of its shape");
       if (principal[0] + principal[1] < principal[2] * (1 - 1e-6))
-        robot_.notices.push_back(who + "has an inertia that no body has: the largest principal moment exceeds the sum "
-                                       "of the others; it is taken as it is");
+        robot_.notices.push_back(who +
+                                 "has an inertia that no body has: the largest principal moment exceeds the sum "
+                                 "of the others; it is taken as it is");
     }
     if (without > 0)
-      robot_.notices.push_back(std::to_string(without) + " links between joints have no mass; they carry what hangs on them");
+      robot_.notices.push_back(std::to_string(without) +
+                               " links between joints have no mass; they carry what hangs on them");
   }
 
   void place() {

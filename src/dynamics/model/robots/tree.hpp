@@ -40,10 +40,10 @@ struct RobotTree {
     int body = -1;
     Pose pose;
   };
-  std::map<std::string, Home> homes;    ///< of links
-  std::map<std::string, Home> sites;    ///< of sites with names
-  std::map<std::string, int> joints;    ///< body of a hinge or slide by its name
-  double mass = 0;                      ///< of all
+  std::map<std::string, Home> homes;  ///< of links
+  std::map<std::string, Home> sites;  ///< of sites with names
+  std::map<std::string, int> joints;  ///< body of a hinge or slide by its name
+  double mass = 0;                    ///< of all
 };
 
 /// @throws Error(invalid_input) for links that move without mass, inertias that are not positive, and positions or

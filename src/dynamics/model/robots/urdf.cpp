@@ -54,7 +54,8 @@ class UrdfReader {
   };
 
   void refuse_macros(const Element& root) const {
-    const std::string ask = "; this is xacro, which writes URDF: xacro " + file_.name() + " > robot.urdf, then read robot.urdf";
+    const std::string ask =
+        "; this is xacro, which writes URDF: xacro " + file_.name() + " > robot.urdf, then read robot.urdf";
     for (const Element& e : root.children())
       if (e.tag().starts_with("xacro:")) e.fail("is a macro" + ask);
     if (root.tag() != "robot") root.fail("is no URDF, whose outermost element is <robot>");
@@ -151,7 +152,8 @@ class UrdfReader {
     j.child = child.need("link");
     const auto& types = kTypes;
     if (std::find(types.begin(), types.end(), j.type) == types.end())
-      e.fail("'" + j.type + "' is no type of joint; known are revolute, continuous, prismatic, fixed, floating, planar");
+      e.fail("'" + j.type +
+             "' is no type of joint; known are revolute, continuous, prismatic, fixed, floating, planar");
     if (const Element axis = e.child("axis"); !axis.empty()) {
       const Vec3 direction = axis.vector("xyz", Vec3::UnitX());
       const bool moves = j.type != "fixed" && j.type != "floating";
@@ -213,7 +215,8 @@ class UrdfReader {
     std::string base;
     for (const Link& link : links_)
       if (!above.contains(link.name)) {
-        if (!base.empty()) root.fail("'" + base + "' and '" + link.name + "' both hang on no joint; one link is the root");
+        if (!base.empty())
+          root.fail("'" + base + "' and '" + link.name + "' both hang on no joint; one link is the root");
         base = link.name;
       }
     if (base.empty()) root.fail("its joints run in a circle: no link is the root");

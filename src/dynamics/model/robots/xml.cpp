@@ -45,7 +45,8 @@ XmlFile::XmlFile(std::string name, std::string text)
   for (pugi::xml_node node = root(); !node.empty();) {  // not by recursion, whose stack would end
     if (depth > kDeepest)
       throw Error(StatusCode::invalid_input, name_ + ":" + std::to_string(line_of(node)) +
-                                                 ": elements are nested more than " + std::to_string(kDeepest) + " deep");
+                                                 ": elements are nested more than " + std::to_string(kDeepest) +
+                                                 " deep");
     if (const pugi::xml_node inner = node.first_child(); !inner.empty()) {
       node = inner;
       ++depth;
@@ -91,9 +92,9 @@ std::vector<double> Element::numbers(const char* key, std::size_t least, std::si
   if (!list) fail(std::string("'") + key + "' must be numbers, not '" + text(key).substr(0, 60) + "'");
   if (list->size() < least || list->size() > most)
     fail(std::string("'") + key + "' needs " + std::to_string(least) +
-         (most == least                                     ? ""
-          : most < 100                                      ? " to " + std::to_string(most)
-                                                            : " or more") +
+         (most == least ? ""
+          : most < 100  ? " to " + std::to_string(most)
+                        : " or more") +
          " numbers, not " + std::to_string(list->size()));
   return *list;
 }
