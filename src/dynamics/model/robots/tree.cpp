@@ -152,7 +152,7 @@ class TreeMaker {
                       who + "moves by the joint '" + m.joint.name +
                           "' and has no mass, nor has anything that hangs on it: give it one, or make the joint fixed");
         const double size = m.composite.inertia.trace();
-        if (m.links.size() + m.places.size() > 0 && m.carrier && !m.links.empty()) ++without;
+        if (!m.links.empty()) ++without;
         m.mass.mass = kUnfelt * m.composite.mass;
         m.mass.centre = m.joint.point;
         m.mass.inertia = kUnfelt * (size > 0 ? size : m.composite.mass) * Mat3::Identity();
