@@ -207,7 +207,7 @@ if(ESPALIER_TAKEN)
   target_include_directories(espalier_modules INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_SOURCE_DIR}/include)
   target_link_libraries(espalier_modules INTERFACE espalier_taken fmt::fmt Threads::Threads ZLIB::ZLIB HWY::HWY pugixml::pugixml
     $<$<BOOL:${ESPALIER_CUDA}>:CUDA::cudart_static>)
-  foreach(module solver schur batch changes modes harmonic dynamics)
+  foreach(module solver schur batch changes inverse modes harmonic dynamics)
     add_library(espalier_${module} INTERFACE)
     target_link_libraries(espalier_${module} INTERFACE espalier_modules)
   endforeach()

@@ -39,6 +39,7 @@ void add_analyze(CLI::App& app, Action& action);
 void add_modes(CLI::App& app, Action& action);
 void add_harmonic(CLI::App& app, Action& action);
 void add_condense(CLI::App& app, Action& action);
+void add_inverse(CLI::App& app, Action& action);
 void add_simulate(CLI::App& app, Action& action);
 void add_export_fmu(CLI::App& app, Action& action);
 void add_view(CLI::App& app, Action& action);

@@ -8,6 +8,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_modes(app, action);
   add_harmonic(app, action);
   add_condense(app, action);
+  add_inverse(app, action);
   add_simulate(app, action);
   add_export_fmu(app, action);
   add_view(app, action);

@@ -92,6 +92,7 @@ class ComplexSolver {
 
  private:
   struct Impl;
+  friend struct solver::SolverAccess;
   explicit ComplexSolver(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };

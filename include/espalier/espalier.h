@@ -283,6 +283,38 @@ int espalier_null_space(espalier_solver* solver, int64_t capacity, int64_t* rows
 /** Estimates the condition number of the factored matrix (1-norm; infinity norm for a general matrix given by rows). */
 int espalier_condition_estimate(espalier_solver* solver, double* estimate);
 
+/** What a call found out about the entries of an inverse that it returned. */
+typedef struct espalier_inverse_info {
+  size_t size;
+  double seconds;
+  double error;       /**< estimated: of an entry over the largest of its column */
+  double entry_error; /**< likewise over the entry itself */
+  double trace_error; /**< of espalier_trace_of_inverse: absolute, estimated */
+  int64_t checked;    /**< columns of A^-1 that were solved for and compared */
+  int64_t solved;     /**< columns that were solved for, since entries lie outside the pattern of the factor */
+} espalier_inverse_info;
+
+/**
+ * Entries of A^-1 by the factor that is there, see inverse.hpp: x[q] is that of the entry q that `pattern` stores, in
+ * the order of its arrays; of A^-T and A^-H likewise. Its values are not read. With the pattern of A and
+ * ESPALIER_TRANSPOSE it is the gradient of log|det A| by the values of A. The factor must lie on the host, in one
+ * process. With ESPALIER_ACCURACY_NOT_REACHED x holds what was found.
+ * @param count  of entries that x has room for, checked; of complex matrices two doubles each, here and below
+ */
+int espalier_selected_inverse_i32(espalier_solver* solver, const espalier_matrix_i32* pattern, double* x, int64_t count,
+                                  int transpose, espalier_inverse_info* info);
+int espalier_selected_inverse_i64(espalier_solver* solver, const espalier_matrix_i64* pattern, double* x, int64_t count,
+                                  int transpose, espalier_inverse_info* info);
+/** Blocks of `block` unknowns on the diagonal of A^-1, which divides rows, each by columns; 1: the diagonal.
+ * @param count  rows * block, checked */
+int espalier_inverse_blocks(espalier_solver* solver, int64_t block, double* x, int64_t count,
+                            espalier_inverse_info* info);
+/** trace(A^-1 B), one number; of complex matrices two. */
+int espalier_trace_of_inverse_i32(espalier_solver* solver, const espalier_matrix_i32* b, double* trace,
+                                  espalier_inverse_info* info);
+int espalier_trace_of_inverse_i64(espalier_solver* solver, const espalier_matrix_i64* b, double* trace,
+                                  espalier_inverse_info* info);
+
 /** The solver works on several ranks from its next analysis on (<espalier/mpi.h> calls this for an MPI communicator).
  * Collective, as all calls are then that analyze, factorize or solve: all ranks make them in the same order, with the
  * same options, and all get the same status; an argument that cannot be is ESPALIER_MISUSE where it was given, and

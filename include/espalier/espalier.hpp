@@ -6,6 +6,7 @@
 #include "espalier/changed_system.hpp"
 #include "espalier/complex_solver.hpp"
 #include "espalier/harmonic.hpp"
+#include "espalier/inverse.hpp"
 #include "espalier/matrix.hpp"
 #include "espalier/modes.hpp"
 #include "espalier/schur.hpp"

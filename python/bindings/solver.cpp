@@ -67,6 +67,13 @@ Shape shape_of(const Pointers& pointers, bool by_rows, int storage, bool complex
   return {static_cast<Index>(pointers.size()) - 1, by_rows, static_cast<Storage>(storage), complex};
 }
 
+nb::tuple inverse_of(AnyInverse inverse) {
+  const InverseResult& r = inverse.result;
+  const std::size_t doubles = inverse.x.size();
+  return nb::make_tuple(status_of(r.status), array_of(std::move(inverse.x), {doubles}),
+                        nb::make_tuple(r.seconds, r.error, r.entry_error, inverse.trace_error, r.checked, r.solved));
+}
+
 // What is to be known of an array on a device; keeps it alive.
 class Exported {
  public:
@@ -194,6 +201,21 @@ void bind_solver(nb::module_& m) {
              const ConditionResult r = s.condition();
              return nb::make_tuple(status_of(r.status), r.estimate);
            })
+      .def(
+          "selected_inverse",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, bool transpose) {
+            return inverse_of(s.selected_inverse(p, i, transpose));
+          },
+          array("pointers"), array("indices"), "transpose"_a)
+      .def(
+          "inverse_blocks", [](SolverHandle& s, Index size, Index n) { return inverse_of(s.inverse_blocks(size, n)); },
+          "size"_a, "n"_a)
+      .def(
+          "trace_of_inverse",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const Values& v) {
+            return inverse_of(s.trace_of_inverse(p, i, v));
+          },
+          array("pointers"), array("indices"), array("values"))
       .def("save_analysis", [](SolverHandle& s, const std::string& path) { return status_of(s.save_analysis(path)); })
       .def("state", [](SolverHandle& s) { return static_cast<int>(s.state()); })
       .def(

@@ -2,6 +2,7 @@
 
 #include <nanobind/stl/string.h>
 
+#include <span>
 #include <stdexcept>
 #include <type_traits>
 #include <utility>
@@ -256,6 +257,61 @@ int SolverHandle::gpu() {
 
 ConditionResult SolverHandle::condition() {
   return call([&] { return with_analyzed([](auto& solver) { return solver.condition_estimate(); }); });
+}
+
+namespace {
+
+template <class SolverType>
+using NumberOf = std::conditional_t<std::is_same_v<SolverType, Solver>, double, std::complex<double>>;
+
+// use(entries) with room for `count` numbers of the solver's sort.
+template <class SolverType, class Use>
+AnyInverse with_entries(const SolverType&, std::size_t count, Use&& use) {
+  using Number = NumberOf<SolverType>;
+  AnyInverse inverse;
+  inverse.x.resize(count * sizeof(Number) / sizeof(double));
+  inverse.result = use(std::span(reinterpret_cast<Number*>(inverse.x.data()), count));
+  return inverse;
+}
+
+}  // namespace
+
+AnyInverse SolverHandle::selected_inverse(const Pointers& pointers, const Indices& indices, bool transpose) {
+  const Shape shape{static_cast<Index>(pointers.size()) - 1};
+  return call([&] {
+    return with_analyzed([&](auto& solver) {
+      return with_entries(solver, indices.size(), [&](auto x) {
+        return espalier::selected_inverse(solver, matrix_for(solver, pointers, indices, nullptr, shape), x,
+                                          transpose ? Transpose::yes : Transpose::no);
+      });
+    });
+  });
+}
+
+AnyInverse SolverHandle::inverse_blocks(Index size, Index n) {
+  return call([&] {
+    return with_analyzed([&](auto& solver) {
+      return with_entries(solver, static_cast<std::size_t>(n) * static_cast<std::size_t>(size),
+                          [&](auto x) { return espalier::inverse_blocks(solver, size, x); });
+    });
+  });
+}
+
+AnyInverse SolverHandle::trace_of_inverse(const Pointers& pointers, const Indices& indices, const Values& values) {
+  const Shape shape{static_cast<Index>(pointers.size()) - 1};
+  return call([&] {
+    return with_analyzed([&](auto& solver) {
+      double trace_error = 0;
+      AnyInverse inverse = with_entries(solver, 1, [&](auto x) {
+        const auto r = espalier::trace_of_inverse(solver, matrix_for(solver, pointers, indices, &values, shape));
+        x[0] = r.trace;
+        trace_error = r.trace_error;
+        return static_cast<const InverseResult&>(r);
+      });
+      inverse.trace_error = trace_error;
+      return inverse;
+    });
+  });
 }
 
 Status SolverHandle::save_analysis(const std::string& path) {

@@ -8,12 +8,14 @@
 
 #include <complex>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "espalier/complex_solver.hpp"
+#include "espalier/inverse.hpp"
 #include "espalier/solver.hpp"
 #include "host.hpp"
 #include "turns.hpp"
@@ -48,6 +50,13 @@ struct AnyFactor {
   std::vector<double> null_vectors, left_null_vectors;
 };
 
+/// Entries of an inverse, or a trace, as doubles.
+struct AnyInverse {
+  InverseResult result;
+  double trace_error = std::numeric_limits<double>::quiet_NaN();
+  std::vector<double> x;
+};
+
 class SolverHandle {
  public:
   SolverHandle();
@@ -79,6 +88,11 @@ class SolverHandle {
   /// See Solver::gpu().
   int gpu();
   ConditionResult condition();
+  /// Of the matrix that the C++ solver holds: see inverse.hpp. A pattern by its columns. transpose: of its transpose
+  AnyInverse selected_inverse(const Pointers& pointers, const Indices& indices, bool transpose);
+  AnyInverse inverse_blocks(Index size, Index n);
+  /// @param values  of complex matrices their parts
+  AnyInverse trace_of_inverse(const Pointers& pointers, const Indices& indices, const Values& values);
   Status save_analysis(const std::string& path);
   [[nodiscard]] Solver::State state();
   /// See Solver::has_pattern() and Solver::values().

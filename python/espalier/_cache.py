@@ -2,7 +2,8 @@
 
 import threading
 from collections import OrderedDict
-from typing import Any, Callable
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator
 
 import numpy as np
 
@@ -43,6 +44,13 @@ def solve(indptr: Any, indices: Any, data: Any, b: Any, transpose: bool, *, key:
     """x with A x = b or A^T x = b, float64 of b's shape; A by compressed rows, on the host. The analysis of the last eight
     patterns is kept, with the last factor of each: the same values once more, as in the backward pass, cost a comparison.
     key: of the pattern, where it is known; out: as for Solver.solve()."""
+    with _factorized(indptr, indices, data, key) as solver:
+        return solver.solve(b, out=out, transpose=transpose)
+
+
+@contextmanager
+def _factorized(indptr: Any, indices: Any, data: Any, key: str = "") -> "Iterator[Solver]":
+    """The kept solver of the pattern with a factor of these values, for the time of a call."""
     entry = _entry(key or key_of(indptr, indices))
     with entry.lock:
         if entry.solver is None:
@@ -52,7 +60,20 @@ def solve(indptr: Any, indices: Any, data: Any, b: Any, transpose: bool, *, key:
             kept = np.array(data, np.float64)
             entry.solver.factorize((indptr, indices, kept))
             entry.values = kept
-        return entry.solver.solve(b, out=out, transpose=transpose)
+        yield entry.solver
+
+
+def slogdet(indptr: Any, indices: Any, data: Any) -> "tuple[float, float]":
+    """Sign and logarithm of |det A|; the factor is kept as that of solve()."""
+    with _factorized(indptr, indices, data) as solver:
+        sign, logarithm = solver.slogdet
+        return float(sign.real), logarithm
+
+
+def slogdet_gradient(indptr: Any, indices: Any, data: Any) -> Any:
+    """That of log|det A| by data: (A^-1)_ji for the entries a_ij."""
+    with _factorized(indptr, indices, data) as solver:
+        return solver.selected_inverse().data
 
 
 def solve_on_gpu(key: str, pattern: "Callable[[], tuple[Any, Any]]", values: Any, host_values: "Callable[[], Any]",

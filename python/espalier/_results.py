@@ -114,3 +114,18 @@ class Solve(_Table):
     refinement_steps: int
     backward_error: float
     componentwise_error: float
+
+
+@dataclass(frozen=True, repr=False)
+class InverseEntries(_Table):
+    """Of entries of an inverse. `error`: estimated, the largest error of an entry over the largest entry of its column of
+    A^-1 (of A^-T where A is of compressed rows); `entry_error`: over the entry itself. `checked` columns were solved for and
+    compared; `solved` columns had entries outside the pattern of the factor and were solved for. `trace_error`: of
+    trace_of_inverse(), absolute; else nan."""
+
+    seconds: float
+    error: float
+    entry_error: float
+    trace_error: float
+    checked: int
+    solved: int

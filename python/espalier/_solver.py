@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, overload
 
 from . import _checks, _core, _device
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
+from ._inverse import SelectedInverse
 from ._matrices import _arrays, _floats, _indices, _numbers
 from ._operator import Inverse
 from ._progress import UNWATCHED, Asked, wanted, watching
@@ -37,7 +38,7 @@ def _matrix_error(status: "tuple[int, str, int]", by_rows: bool, kind: str) -> E
     return transposed_error(*status) if swapped else make_error(*status)
 
 
-class Solver(Inverse):
+class Solver(SelectedInverse, Inverse):
     """A direct solver for one sparse system at a time.
 
     A: scipy.sparse matrix or array of any format, or (indptr, indices, data) of compressed rows with indices from 0;
@@ -79,6 +80,7 @@ class Solver(Inverse):
         self.analysis: "Analysis | None" = None
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
+        self.last_inverse = None
         if A is not None:
             self.factorize(A)
 
@@ -114,7 +116,7 @@ class Solver(Inverse):
         and batches. threads: host threads of its own; 0: as many as this solver has."""
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__, _core=self._core.clone(_checks.whole(threads, "threads", 0, 4096)))
-        other.factor = other.last_solve = None
+        other.factor = other.last_solve = other.last_inverse = None
         return other
 
     def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None,

@@ -176,3 +176,41 @@ def solve(indptr: Any, indices: Any, data: Any, b: Any, *, symmetric: bool = Fal
         return jax.lax.platform_dependent(*given, default=callback, **{platform: call for platform in sorted(calls)})
 
     return jax.lax.custom_linear_solve(matvec, b, partial(inverse, False), partial(inverse, True), symmetric=symmetric)
+
+
+def _host_slogdet(indptr: Any, indices: Any, data: Any) -> Any:
+    data = np.asarray(data)
+    found = _cache.slogdet(np.asarray(indptr), np.asarray(indices), data)
+    return tuple(np.asarray(v, data.dtype) for v in found)
+
+
+def _host_slogdet_gradient(indptr: Any, indices: Any, data: Any) -> Any:
+    data = np.asarray(data)
+    return _cache.slogdet_gradient(np.asarray(indptr), np.asarray(indices), data).astype(data.dtype)
+
+
+@jax.custom_jvp
+def _slogdet(indptr: Any, indices: Any, data: Any) -> Any:
+    number = jax.ShapeDtypeStruct((), data.dtype)
+    return jax.pure_callback(_host_slogdet, (number, number), indptr, indices, data, vmap_method="sequential")
+
+
+@_slogdet.defjvp
+def _(primals: Any, tangents: Any) -> Any:
+    indptr, indices, data = primals
+    gradient = jax.pure_callback(_host_slogdet_gradient, jax.ShapeDtypeStruct(data.shape, data.dtype), indptr, indices,
+                                 data, vmap_method="sequential")
+    sign, logarithm = _slogdet(indptr, indices, data)
+    return (sign, logarithm), (jnp.zeros_like(sign), jnp.vdot(gradient, tangents[2]))
+
+
+def slogdet(indptr: Any, indices: Any, data: Any) -> "tuple[Any, Any]":
+    """Sign and logarithm of |det A|, A by compressed rows, as jax.numpy.linalg.slogdet; a callback to the host. The derivative of the
+    logarithm by data, in both modes, is A^-T on the pattern (Solver.selected_inverse), by the factor that is there. It cannot be
+    differentiated again (JAX says so of the callback)."""
+    indptr, indices, data = jnp.asarray(indptr), jnp.asarray(indices), jnp.asarray(data)
+    if not jnp.issubdtype(data.dtype, jnp.floating):
+        raise TypeError(f"data has dtype {data.dtype}; it must be real and floating")
+    if data.shape != indices.shape:
+        raise ValueError(f"data of shape {data.shape} for {indices.shape[0]} indices")
+    return _slogdet(indptr, indices, data)

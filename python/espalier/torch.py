@@ -2,7 +2,8 @@
 
 The adjoint takes one more solve with the factor that is there: with lambda = A^-T dL/dx, dL/db = lambda and
 dL/dA[i, j] = -lambda[i] x[j] for the entries of the pattern. Backward is made of the same operator, so derivatives of
-every order come out. Tensors of the CPU are float64 or float32; those of an NVIDIA GPU (with espalier-cuda) are float64
+every order come out. slogdet(A) likewise gives sign and logarithm of |det A|, with the gradient A^-T on the pattern of A
+(Solver.selected_inverse), once. Tensors of the CPU are float64 or float32; those of an NVIDIA GPU (with espalier-cuda) are float64
 and are read and written where they lie. The arithmetic is float64.
 """
 
@@ -61,6 +62,61 @@ def _backward(ctx: Any, grad: Tensor) -> Any:
 _solve.register_autograd(_backward, setup_context=_setup)
 
 
+def _rows_of(A: Any) -> "tuple[Tensor, Tensor, Tensor]":
+    if isinstance(A, Tensor):
+        if A.layout != torch.sparse_csr:
+            A = A.to_sparse_csr()
+        A = A.crow_indices(), A.col_indices(), A.values()
+    crow, col, values = A
+    return crow, col, values
+
+
+@torch.library.custom_op("espalier::slogdet", mutates_args=())
+def _slogdet(crow: Tensor, col: Tensor, values: Tensor) -> "tuple[Tensor, Tensor]":
+    sign, logarithm = _cache.slogdet(crow.numpy(), col.numpy(), values.detach().numpy())
+    return values.new_tensor(sign), values.new_tensor(logarithm)
+
+
+@_slogdet.register_fake
+def _(crow: Tensor, col: Tensor, values: Tensor) -> "tuple[Tensor, Tensor]":
+    return values.new_empty(()), values.new_empty(())
+
+
+@torch.library.custom_op("espalier::slogdet_gradient", mutates_args=())
+def _slogdet_gradient(crow: Tensor, col: Tensor, values: Tensor) -> Tensor:
+    gradient = _cache.slogdet_gradient(crow.numpy(), col.numpy(), values.detach().numpy())
+    return torch.from_numpy(gradient).to(values.dtype)
+
+
+@_slogdet_gradient.register_fake
+def _(crow: Tensor, col: Tensor, values: Tensor) -> Tensor:
+    return torch.empty_like(values)
+
+
+def _setup_slogdet(ctx: Any, inputs: Any, output: Any) -> None:
+    ctx.save_for_backward(*inputs)
+
+
+def _slogdet_backward(ctx: Any, of_sign: Tensor, of_logarithm: Tensor) -> Any:
+    return None, None, of_logarithm * _slogdet_gradient(*ctx.saved_tensors)
+
+
+_slogdet.register_autograd(_slogdet_backward, setup_context=_setup_slogdet)
+
+
+def slogdet(A: Any) -> "tuple[Tensor, Tensor]":
+    """Sign and logarithm of |det A|, as torch.linalg.slogdet. A: as for solve(), real, on the CPU. The gradient of the logarithm goes
+    to the values of A: (A^-1)_ji for each entry a_ij, by the factor that is there. It cannot be differentiated again. Raises
+    espalier.SingularMatrixError for a singular A."""
+    crow, col, values = _rows_of(A)
+    if values.device.type != "cpu":
+        raise TypeError(f"A lies on {values.device}; espalier.torch.slogdet takes tensors of the CPU: entries of the inverse"
+                        " come from factors on the host")
+    if values.dtype not in (torch.float64, torch.float32):
+        raise TypeError(f"A has dtype {values.dtype}; it must be float64 or float32")
+    return _slogdet(crow, col, values)
+
+
 def solve(A: Any, b: Tensor, *, transpose: bool = False) -> Tensor:
     """x with A x = b, or A^T x = b, of the shape of b: (n,) or (n, k).
 
@@ -68,11 +124,7 @@ def solve(A: Any, b: Tensor, *, transpose: bool = False) -> Tensor:
     rows; gradients go to its values and to b. On a GPU the pattern may stay on the host, which saves a copy of it per
     call, and the matrix is factorized as L U, whatever its values. Raises the errors of espalier.Solver; TypeError for
     other devices and dtypes."""
-    if isinstance(A, Tensor):
-        if A.layout != torch.sparse_csr:
-            A = A.to_sparse_csr()
-        A = A.crow_indices(), A.col_indices(), A.values()
-    crow, col, values = A
+    crow, col, values = _rows_of(A)
     for name, tensor in (("A", values), ("b", b)):
         if tensor.device.type not in ("cpu", "cuda"):
             raise TypeError(f"{name} lies on {tensor.device}; espalier.torch takes tensors of the CPU and of NVIDIA's GPUs")

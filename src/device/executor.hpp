@@ -69,6 +69,14 @@ class LeftContributions {
   virtual void copy(Index front, Value* to) const = 0;
 };
 
+/// Entries of an inverse that are asked of a factor, in any order.
+template <class T>
+struct InverseEntries {
+  std::span<const Index> row, col;  ///< places in the order of elimination
+  std::span<T> value;               ///< written where the entry is known
+  std::span<char> known;            ///< written; 0: the entry is not on the pattern of the factor (L + L^T, L + U)
+};
+
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
 /// factorize() and solve() allocate nothing on the device. T: see ESPALIER_FOR_SCALARS. Of a Hermitian matrix (Job) the
 /// values are those of the entries of the lower triangle in the order of elimination.
@@ -93,6 +101,10 @@ class Executor {
   /// ldlt: the inverse of D of the last factorization, n each in elimination order: its diagonal, and what stands below
   /// it, which is not zero at the first column of a 2 x 2 pivot. @returns false where the backend does not tell
   virtual bool copy_inverse_pivots(std::span<T> /*d*/, std::span<T> /*e*/) const { return false; }
+  /// Entries of the inverse of the matrix of the last factorization, by its factor alone.
+  /// @returns false where the backend does not do that; nothing is written then
+  /// @throws Error(out_of_memory)
+  virtual bool invert_at(const InverseEntries<T>& /*entries*/) { return false; }
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
   [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }

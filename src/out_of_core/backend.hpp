@@ -96,6 +96,8 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Like Executor::solve, from the factors in the host's store and those that stay on the device.
   /// @param reachable  all of the store is pinned: the device may read it itself
   virtual void solve(const T* store, bool reachable, T* x, Index columns, bool transpose) = 0;
+  /// Like Executor::invert_at(), likewise.
+  virtual bool invert_at(const T* /*store*/, const device::InverseEntries<T>& /*entries*/) { return false; }
   [[nodiscard]] virtual std::string name() const = 0;
   /// Most bytes of device memory that were held at one time, as counted where they were taken.
   [[nodiscard]] virtual Offset peak_bytes() const = 0;

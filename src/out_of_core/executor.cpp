@@ -114,6 +114,9 @@ class OutOfCoreExecutor final : public device::Executor<T> {
     const bool reachable = !plans_.front().streamed.empty() && pinned_->complete();
     devices_.front().backend().solve(store_.data(), reachable, x, columns, transpose);
   }
+  bool invert_at(const device::InverseEntries<T>& entries) override {
+    return devices_.front().backend().invert_at(store_.data(), entries);
+  }
   [[nodiscard]] std::string name() const override { return devices_.front().backend().name(); }
   [[nodiscard]] Offset peak_bytes() const override {
     Offset most = 0;

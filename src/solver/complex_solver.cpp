@@ -9,14 +9,11 @@
 #include "solver/part_calls.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
+#include "solver/solver_impl.hpp"
 
 namespace espalier {
 
 using solver::Session;
-
-struct ComplexSolver::Impl : Session {
-  using Session::Session;
-};
 
 namespace {
 

@@ -62,6 +62,11 @@ const solve::ResidualOperator& Factor::residual() {
   return values_.residual();
 }
 
+std::span<const double> Factor::values_of_entries() {
+  (void)residual();
+  return values_.values();
+}
+
 std::shared_ptr<const solve::ResidualSpace> Factor::residual_space() {
   values_.fetch(numeric_->device_system());
   return values_.space();

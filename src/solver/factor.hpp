@@ -145,6 +145,8 @@ class Factor {
   [[nodiscard]] std::vector<double> values_by_caller();
   /// The linear system in the host's memory, of one process.
   [[nodiscard]] const solve::ResidualOperator& residual();
+  /// The values of the last factorization in the order of the prepared matrix, there.
+  [[nodiscard]] std::span<const double> values_of_entries();
   /// The same on ranks, too. Its calls are collective there.
   [[nodiscard]] std::shared_ptr<const solve::ResidualSpace> residual_space();
   /// |op(A)|_inf. Collective.

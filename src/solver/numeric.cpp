@@ -162,6 +162,41 @@ class NumericOf final : public Numeric {
     }
   }
 
+  // B^-1(c, c') is scaled back to the entry (c, i) of A^-1 for the row i that is matched to c'. Of a real form the
+  // first column of its blocks tells both parts.
+  bool invert_at(std::span<const Index> unknowns, std::span<const Index> rows, double* values,
+                 std::span<char> known) override {
+    constexpr std::size_t kParts = kRealForm ? 2 : 1;
+    const auto n = static_cast<std::size_t>(plan_->tree.n);
+    std::vector<Index> position(n), column(static_cast<std::size_t>(prepared_.n()));
+    for (std::size_t k = 0; k < n; ++k)
+      position[static_cast<std::size_t>(plan_->tree.order[k])] = static_cast<Index>(k);
+    for (Index c = 0; c < prepared_.n(); ++c) column[static_cast<std::size_t>(prepared_.row_of(c))] = c;
+    const std::size_t count = unknowns.size() * kParts;
+    base::Buffer<Index> row(static_cast<Offset>(count), &budget_), col(static_cast<Offset>(count), &budget_);
+    base::Buffer<T> value(static_cast<Offset>(count), &budget_);
+    base::Buffer<char> found(static_cast<Offset>(count), &budget_);
+    for (std::size_t e = 0; e < unknowns.size(); ++e)
+      for (std::size_t p = 0; p < kParts; ++p) {
+        const auto at = static_cast<Offset>(e * kParts + p);
+        row[at] = position[static_cast<std::size_t>(unknowns[e]) * kParts + p];
+        col[at] = position[static_cast<std::size_t>(column[static_cast<std::size_t>(rows[e])]) * kParts];
+      }
+    if (!executor_->invert_at({{row.data(), count}, {col.data(), count}, value.span(), found.span()})) return false;
+    auto* to = reinterpret_cast<Value*>(values);
+    for (std::size_t e = 0; e < unknowns.size(); ++e) {
+      known[e] = 1;
+      for (std::size_t p = 0; p < kParts; ++p) {
+        const auto at = static_cast<Offset>(e * kParts + p);
+        if (found[at] == 0) known[e] = 0;
+        if (known[e] != 0)
+          to[at] =
+              static_cast<Value>(value[at]) * factor_of(scales_.col, unknowns[e]) * factor_of(scales_.row, rows[e]);
+      }
+    }
+    return true;
+  }
+
   [[nodiscard]] BorderContribution border_contribution() const override {
     BorderContribution left;
     const analysis::AssemblyTree& t = plan_->tree;

@@ -53,6 +53,10 @@ class Numeric {
   virtual void scale_by_matching(bool matching) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n numbers each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
+  /// Entries (unknown, row) of the inverse of the matrix of the last factorization, by its factor alone: see
+  /// Executor::invert_at(). @param values  as many numbers
+  virtual bool invert_at(std::span<const Index> unknowns, std::span<const Index> rows, double* values,
+                         std::span<char> known) = 0;
   /// Of the last factorization.
   [[nodiscard]] virtual const Scales& scales() const = 0;
   /// ldlt of a real system: by position, whether it brings a negative eigenvalue of D, of the last factorization; a 2 x

@@ -1,7 +1,8 @@
 /// \file
-/// What is behind a Solver, for those who work with its factor.
+/// What is behind a Solver or a ComplexSolver, for those who work with its factor.
 #pragma once
 
+#include "espalier/complex_solver.hpp"
 #include "espalier/solver.hpp"
 #include "solver/session.hpp"
 
@@ -11,11 +12,16 @@ struct Solver::Impl : solver::Session {
   using Session::Session;
 };
 
+struct ComplexSolver::Impl : solver::Session {
+  using Session::Session;
+};
+
 namespace solver {
 
-/// Whoever works with the factor of a Solver beside its own calls.
+/// Whoever works with the factor of a solver beside its own calls.
 struct SolverAccess {
   static Session& session(Solver& s) { return *s.impl_; }
+  static Session& session(ComplexSolver& s) { return *s.impl_; }
 };
 
 }  // namespace solver

@@ -9,6 +9,7 @@
 #include "device/host/kept_fronts.hpp"
 #include "device/host/numeric_state.hpp"
 #include "device/host/outcome.hpp"
+#include "device/host/selected_inverse.hpp"
 #include "device/host/task_queues.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
@@ -243,6 +244,10 @@ class HostExecutor final : public Executor<T> {
   }
 
   void solve(T* x, Index columns, bool transpose) override { solve_.run(x, columns, transpose); }
+  bool invert_at(const InverseEntries<T>& entries) override {
+    host::invert_at(state_, pool_, budget_, entries);
+    return true;
+  }
 
   [[nodiscard]] std::string name() const override {
     const std::string threads = fmt::format("({} thread{})", pool_.size(), pool_.size() == 1 ? "" : "s");

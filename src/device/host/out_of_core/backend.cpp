@@ -12,6 +12,7 @@
 #include "device/host/out_of_core/direct_copies.hpp"
 #include "device/host/out_of_core/group_tasks.hpp"
 #include "device/host/outcome.hpp"
+#include "device/host/selected_inverse.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
 
@@ -172,16 +173,13 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
   }
 
   void solve(const T* store, bool, T* x, Index columns, bool transpose) override {
-    // All places count from the arena, in which some factors are.
-    const auto store_at =
-        element(reinterpret_cast<std::intptr_t>(store) - reinterpret_cast<std::intptr_t>(state_->arena.data()));
-    for (Index f = 0; f < plan_.fronts(); ++f) {
-      const auto& stays_at = out_of_core_->resident_at[f];
-      const bool stays = stays_at[0] >= 0;
-      plan_.memory.factor[f] = stays ? element(stays_at[0]) : store_at + out_of_core_->factor_store[f];
-      plan_.memory.factor2[f] = stays ? element(stays_at[1]) : store_at + out_of_core_->factor2_store[f];
-    }
+    place_factors(store);
     solve_->run(x, columns, transpose);
+  }
+  bool invert_at(const T* store, const InverseEntries<T>& entries) override {
+    place_factors(store);
+    host::invert_at(*state_, solve_pool_, budget_, entries);
+    return true;
   }
 
   [[nodiscard]] std::string name() const override {
@@ -200,6 +198,18 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
   }
 
  private:
+  // As they are after a factorization. All places count from the arena, in which some factors are.
+  void place_factors(const T* store) {
+    const auto store_at =
+        element(reinterpret_cast<std::intptr_t>(store) - reinterpret_cast<std::intptr_t>(state_->arena.data()));
+    for (Index f = 0; f < plan_.fronts(); ++f) {
+      const auto& stays_at = out_of_core_->resident_at[f];
+      const bool stays = stays_at[0] >= 0;
+      plan_.memory.factor[f] = stays ? element(stays_at[0]) : store_at + out_of_core_->factor_store[f];
+      plan_.memory.factor2[f] = stays ? element(stays_at[1]) : store_at + out_of_core_->factor2_store[f];
+    }
+  }
+
   static Offset stack_of(const out_of_core::OutOfCorePlan& plan) {
     Offset most = 0;
     for (const InCoreStep& s : plan.steps) most = std::max(most, s.memory.stack_size);
