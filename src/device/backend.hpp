@@ -68,8 +68,8 @@ struct PlanWish {
   std::vector<double> speed = {};  ///< of the devices, relative to the fastest; empty: all are equal
   Sharing sharing = {};
   bool keep_contributions = false;  ///< Options::partial_refactorization
-  int threads = 1;             ///< of the host
-  plan::Machine machine = {};  ///< rates by which times are predicted and fronts dealt
+  int threads = 1;                  ///< of the host
+  plan::Machine machine = {};       ///< rates by which times are predicted and fronts dealt
 };
 
 /// Predicted seconds of a factorization.

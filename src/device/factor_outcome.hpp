@@ -41,9 +41,9 @@ struct FactorOutcome {
   std::complex<double> determinant_phase = 1;  ///< complex: the determinant over its magnitude
   double determinant_log = 0;                  ///< natural logarithm of the magnitude
   double share = 1;         ///< of the operations for all fronts, those that were done (Executor::factorize_changed())
-  double busy_seconds = 0;                     ///< mean over workers of the time inside tasks
-  double waiting_seconds = 0;                  ///< mean over workers of the time inside tasks that wait for others
-  double seconds = 0;                          ///< wall time
+  double busy_seconds = 0;  ///< mean over workers of the time inside tasks
+  double waiting_seconds = 0;  ///< mean over workers of the time inside tasks that wait for others
+  double seconds = 0;          ///< wall time
 };
 
 }  // namespace espalier::device

@@ -241,7 +241,7 @@ Offset predicted_host_bytes(const Analysis& a, const Context& context) {
   const Offset value_bytes = parts * static_cast<Offset>(context.single() ? sizeof(float) : sizeof(double));
   const Offset numbers = predicted_executor_bytes(a, context);
   const Offset vectors =
-      4 * parts * n * static_cast<Offset>(sizeof(double));  // of llt's smallest pivots, of the refinement
+      4 * parts * n * static_cast<Offset>(sizeof(double));                // of llt's smallest pivots, of the refinement
   const Offset copies = context.options.partial_refactorization ? 2 : 1;  // with those of the factorization before
   return a.bytes() + numbers + (copies * plan::values_of(a.plan, entries) + n) * value_bytes + vectors;
 }

@@ -1,5 +1,6 @@
-/* A small FMU for the tests, by FMI 2 and 3: a lag of first order, T y' = gain u - y, whose steps are exact for an input
- * that is held. At `at` it does what the text `mischief` says: "error", "discard", "end", "nan", "crash", "early". */
+/* A small FMU for the tests, by FMI 2 and 3: a lag of first order, T y' = gain u - y, whose steps are exact for an
+ * input that is held. At `at` it does what the text `mischief` says: "error", "discard", "end", "nan", "crash",
+ * "early". */
 #include <math.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -73,20 +74,38 @@ static int step(Instance* i, double time, double h) {
 
 static int get_real(Instance* i, uint32_t r, double* v) {
   switch (r) {
-    case U: *v = i->s.u; return OK;
-    case Y: *v = i->s.y; return OK;
-    case GAIN: *v = i->s.gain; return OK;
-    case LAG: *v = i->s.lag; return OK;
-    case AT: *v = i->s.at; return OK;
+    case U:
+      *v = i->s.u;
+      return OK;
+    case Y:
+      *v = i->s.y;
+      return OK;
+    case GAIN:
+      *v = i->s.gain;
+      return OK;
+    case LAG:
+      *v = i->s.lag;
+      return OK;
+    case AT:
+      *v = i->s.at;
+      return OK;
   }
   return tell(i, ERROR, "no such real"), ERROR;
 }
 static int set_real(Instance* i, uint32_t r, double v) {
   switch (r) {
-    case U: i->s.u = v; return OK;
-    case GAIN: i->s.gain = v; return OK;
-    case LAG: i->s.lag = v; return v > 0 ? OK : (tell(i, ERROR, "T must be positive"), ERROR);
-    case AT: i->s.at = v; return OK;
+    case U:
+      i->s.u = v;
+      return OK;
+    case GAIN:
+      i->s.gain = v;
+      return OK;
+    case LAG:
+      i->s.lag = v;
+      return v > 0 ? OK : (tell(i, ERROR, "T must be positive"), ERROR);
+    case AT:
+      i->s.at = v;
+      return OK;
   }
   return tell(i, ERROR, "no such real to set"), ERROR;
 }

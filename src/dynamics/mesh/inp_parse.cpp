@@ -98,7 +98,8 @@ class InpParser {
     if (++includes_ > kMostIncludes) reader.fail(fmt::format("more than {} files are included", kMostIncludes));
     const auto folder = std::filesystem::path(reader.path()).parent_path();
     const std::string path = (folder / k.need(reader, "INPUT")).string();
-    if (!file_exists(path) || std::filesystem::is_directory(path)) reader.fail(fmt::format("*INCLUDE: there is no file '{}'", path));
+    if (!file_exists(path) || std::filesystem::is_directory(path))
+      reader.fail(fmt::format("*INCLUDE: there is no file '{}'", path));
     file(path, read_whole_file(path), depth + 1);
   }
 

@@ -1,7 +1,6 @@
 // Substructures: bodies whose mass and stiffness another program has made.
 #include <fmt/format.h>
 
-
 #include "dynamics/bodies/reduced_body.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/model/builders.hpp"
