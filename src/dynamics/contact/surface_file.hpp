@@ -1,6 +1,6 @@
 /// \file
-/// Rigid surfaces from files: .stl (text or binary), .obj (v and f; polygons are cut into triangles), or the outer faces
-/// of a mesh file that mesh/read.hpp knows.
+/// Rigid surfaces from files: .stl (text or binary), .obj (v and f; polygons are cut into triangles), or the outer
+/// faces of a mesh file that mesh/read.hpp knows.
 #pragma once
 
 #include <array>
