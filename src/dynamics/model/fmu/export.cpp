@@ -132,9 +132,9 @@ class Exporter {
     inputs();
     parameters();
     const std::vector<SimulationQuantity> known = runner_->all_quantities();
-    for (const auto& [name, value] : summary_.values) {
-      const auto it = std::find_if(known.begin(), known.end(), [&](const auto& q) { return q.name == name; });
-      add({Kind::output, name, value, it == known.end() ? "" : it->unit});
+    for (const auto& found : summary_.values) {
+      const auto it = std::find_if(known.begin(), known.end(), [&](const auto& q) { return q.name == found.first; });
+      add({Kind::output, found.first, found.second, it == known.end() ? "" : it->unit});
     }
     why_not_ = dynamics::model::why_no_ode(*runner_);
     if (why_not_.empty()) states();
