@@ -27,8 +27,7 @@ class RobotWriter {
     for (const Equality& q : robot_.equalities) write_equality(q);
     for (const Moving& m : tree_.moving)
       if (m.joint.mimic) write_coupling(m.joint.name, *m.joint.mimic, m.joint.name + "_mimic");
-    for (std::size_t k = 0; k < tree_.moving.size(); ++k) write_joint_forces(k);
-    for (std::size_t k = 0; k < tree_.moving.size(); ++k) write_lifts(k);
+    for (std::size_t k = 0; k < tree_.moving.size(); ++k) write_joint_forces(k), write_lifts(k);
     for (const Actuator& a : robot_.actuators)
       if (!a.joint.empty()) write_joint_actuator(a);
     for (const Actuator& a : robot_.actuators)
@@ -104,8 +103,7 @@ class RobotWriter {
   /// Where links that are welded to each other feel gravity differently.
   void write_lifts(std::size_t k) {
     for (const auto& [mass, centre] : tree_.moving[k].lifts) {
-      const std::string name = names_.take(names_of_bodies_[k] + "_lift", "");
-      out_ << "\n[forces." << name
+      out_ << "\n[forces." << names_.take(names_of_bodies_[k] + "_lift", "")
            << "]\ntype = \"load\"\na = " << frame(static_cast<int>(k), {centre, Mat3::Identity()})
            << "\nforce = " << vector_text(-mass * robot_.gravity) << "\n";
     }
