@@ -1,8 +1,10 @@
 #include "dynamics/model/robots/geom_mass.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
+#include "dense/dense.hpp"
 #include "dynamics/contact/surface_file.hpp"
 #include "espalier/types.hpp"
 
@@ -48,18 +50,33 @@ Mass solid_mass(const Geom& g) {
   return m;
 }
 
-/// A hollow primitive: exact for balls; others are what is between them and themselves shrunk a little.
+/// A hollow primitive: how its volume and inertia grow with its surface. They are polynomials of degree 5 at most,
+/// whose derivative these differences are. An ellipsoid that grows so gets a skin of uneven thickness; as in MuJoCo its
+/// inertia is that, and its area that of Thomsen's formula (to 1 %).
 Mass shell_mass(const Geom& g) {
-  constexpr double kThin = 1e-5;
-  const Mass outer = solid_mass(g);
-  Geom inner = g;
-  const double t = kThin * g.size.cwiseAbs().maxCoeff();
-  for (int k = 0; k < 3; ++k)
-    if (inner.size[k] > 0 && !(g.kind == GeomKind::capsule && k == 1)) inner.size[k] -= t;
-  const Mass less = solid_mass(inner);
+  double least = g.size.maxCoeff();
+  for (const double s : g.size)
+    if (s > 0) least = std::min(least, s);
+  const double t = 0.1 * least;
+  const auto grown = [&](double by) {
+    Geom other = g;
+    for (int k = 0; k < 3; ++k)
+      if (g.size[k] > 0 && !(g.kind == GeomKind::capsule && k == 1)) other.size[k] += by;
+    return solid_mass(other);
+  };
+  constexpr double kWeights[] = {45, -9, 1};
   Mass m;
-  m.mass = (outer.mass - less.mass) / t;
-  m.inertia = (outer.inertia - less.inertia) / t;
+  for (int k = 1; k <= 3; ++k) {
+    const Mass outer = grown(k * t), inner = grown(-k * t);
+    m.mass += kWeights[k - 1] * (outer.mass - inner.mass) / (60 * t);
+    m.inertia += kWeights[k - 1] * (outer.inertia - inner.inertia) / (60 * t);
+  }
+  if (g.kind != GeomKind::ellipsoid) return m;
+  constexpr double kPower = 1.6075;
+  const auto both = [&](int i, int j) { return std::pow(g.size[i] * g.size[j], kPower); };
+  const double area = 4 * kPi * std::pow((both(0, 1) + both(0, 2) + both(1, 2)) / 3, 1 / kPower);
+  m.inertia *= area / m.mass;
+  m.mass = area;
   return m;
 }
 
@@ -113,6 +130,20 @@ Mass mesh_mass(const Geom& g, MeshInertia how) {
 
 Mass moved(const Mass& mass, const Pose& pose) {
   return {mass.mass, pose * mass.centre, pose.r * mass.inertia * pose.r.transpose()};
+}
+
+Mass bounded(Mass m, double least_mass, double least_inertia, bool balanced) {
+  m.mass = std::max(m.mass, least_mass);
+  Vec3 principal = dense::principal_values(m.inertia);
+  if (principal[0] < least_inertia) {
+    const dense::Spectrum s = dense::symmetric_eigen(m.inertia);
+    const Mat3 axes = s.vectors;
+    principal = principal.cwiseMax(least_inertia);
+    m.inertia = axes * principal.asDiagonal() * axes.transpose();
+  }
+  if (balanced && principal[0] + principal[1] < principal[2] * (1 - 1e-9))
+    m.inertia = m.inertia.trace() / 3 * Mat3::Identity();
+  return m;
 }
 
 Mass sum_of(const std::vector<Mass>& parts) {

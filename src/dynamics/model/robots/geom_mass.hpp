@@ -16,6 +16,9 @@ enum class MeshInertia { exact, legacy, shell };
 /// @throws Error(invalid_input) for meshes that cannot be read or have no volume
 [[nodiscard]] Mass unit_mass(const Geom& geom, bool shell, MeshInertia mesh);
 
+/// No less than a mass and a principal moment, and, where asked for, three equal moments where the largest exceeds the
+/// sum of the others.
+[[nodiscard]] Mass bounded(Mass mass, double least_mass, double least_inertia, bool balanced);
 /// Sum of masses, about the centre of all.
 [[nodiscard]] Mass sum_of(const std::vector<Mass>& parts);
 /// The same mass seen from other axes. @param pose  of its axes in those

@@ -1,12 +1,41 @@
 #include "dynamics/model/robots/mjcf.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace espalier::dynamics::model::robots {
 namespace {
 
+/// What <flag> switches off.
+struct Off {
+  bool springs = false, dampers = false, friction = false, limits = false, equalities = false, controls = false,
+       control_limits = false;
+
+  /// @param part  a joint or tendon
+  template <class Part>
+  void clear(Part& part) const {
+    if (springs) part.stiffness = 0;
+    if (dampers) part.damping = 0;
+    if (friction) part.friction = 0;
+    if (limits) part.lower.reset(), part.upper.reset();
+  }
+
+  void clear(Robot& robot) const {
+    constexpr double kInfinite = std::numeric_limits<double>::infinity();
+    for (Link& link : robot.links)
+      for (RobotJoint& j : link.joints) clear(j);
+    for (Tendon& t : robot.tendons) clear(t);
+    if (equalities)
+      for (Equality& q : robot.equalities) q.active = false;
+    for (Actuator& a : robot.actuators) {
+      if (controls) a.gain = a.bias = {}, a.damping_ratio = 0;
+      if (control_limits) a.least_control = -kInfinite, a.largest_control = kInfinite;
+    }
+  }
+};
+
 /// Gravity and what may be switched off.
-void read_options(const MjcfText& text, Robot& robot) {
+void read_options(const MjcfText& text, Robot& robot, Off& switched_off) {
   for (const Element& e : text.sections("option")) {
     robot.gravity = e.vector("gravity", robot.gravity);
     if (e.number("density", 0) != 0 || e.number("viscosity", 0) != 0) robot.pass_over("forces of a fluid");
@@ -18,6 +47,15 @@ void read_options(const MjcfText& text, Robot& robot) {
       if (off("gravity")) robot.gravity.setZero();
       if (off("contact")) robot.contacts = false;
       if (off("filterparent")) robot.touch_parents = true;
+      Off& o = switched_off;
+      o.springs |= off("spring") || off("passive");
+      o.dampers |= off("damper") || off("passive");
+      o.friction |= off("frictionloss") || off("constraint");
+      o.limits |= off("limit") || off("constraint");
+      o.equalities |= off("equality") || off("constraint");
+      o.controls |= off("actuation");
+      o.control_limits |= off("clampctrl");
+      if (off("constraint")) robot.contacts = false;
     }
   }
 }
@@ -28,9 +66,11 @@ Robot read_mjcf(const XmlFile& file, const RobotOptions& options) {
   const MjcfText text(file);
   Robot robot;
   robot.name = text.root().text("model");
-  read_options(text, robot);
+  Off switched_off;
+  read_options(text, robot, switched_off);
   read_mjcf_bodies(text, options, robot);
   read_mjcf_parts(text, robot);
+  switched_off.clear(robot);
   read_mjcf_keyframe(text, options, robot);
   for (const char* tag : {"sensor", "deformable", "extension"})
     for (const Element& section : text.sections(tag)) {

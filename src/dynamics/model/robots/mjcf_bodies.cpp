@@ -4,7 +4,6 @@
 #include <set>
 #include <system_error>
 
-#include "dense/dense.hpp"
 #include "dynamics/model/robots/files.hpp"
 #include "dynamics/model/robots/geom_mass.hpp"
 #include "dynamics/model/robots/mjcf.hpp"
@@ -141,19 +140,8 @@ class BodyReader {
       for (const Element& e : text_.children(body))
         if (e.tag() == "inertial") m = inertial(e);
     }
-    if (!(m.mass > 0)) return m;
-    m.mass = std::max(m.mass, text_.compiler().least_mass);
-    const Vec3 principal = dense::principal_values(m.inertia);
-    if (text_.compiler().least_inertia > 0 && principal[0] < text_.compiler().least_inertia) {
-      const Eigen::Matrix3d& i = m.inertia;  // diagonal in most robots: then the bound is exact
-      if (Mat3(i.diagonal().asDiagonal()).isApprox(i, 1e-12))
-        m.inertia = i.diagonal().cwiseMax(text_.compiler().least_inertia).asDiagonal();
-      else
-        m.inertia += (text_.compiler().least_inertia - principal[0]) * Mat3::Identity();
-    }
-    if (principal[0] + principal[1] < principal[2] * (1 - 1e-9) && text_.compiler().balance_inertia)
-      m.inertia = m.inertia.trace() / 3 * Mat3::Identity();
-    return m;
+    const MjcfCompiler& c = text_.compiler();
+    return bounded(m, c.least_mass, c.least_inertia, c.balance_inertia);
   }
 
   Mass inertial(const Element& e) const {
@@ -186,6 +174,7 @@ class BodyReader {
       if (around.link < 0 || link.parent >= 0 || !link.joints.empty())
         e.fail("free joints are alone in bodies of the world");
       j.kind = JointKind::free;
+      read_coefficients(a, j);
       link.joints.push_back(j);
       return;
     }
@@ -199,33 +188,27 @@ class BodyReader {
     j.point = around.frame * a.vector("pos", Vec3::Zero());
     if (j.kind != JointKind::ball) j.ref = unit * a.number("ref", 0);
     j.rest = unit * a.number("springref", 0);
+    read_coefficients(a, j);
+    if (const auto x = a.numbers("springdamper", 2, 2); !x.empty() && x[0] != 0) robot_.pass_over("springdamper");
+    j.start = j.ref;
+    if (const auto range = text_.limits(a, "limited", "range")) {
+      if (j.kind == JointKind::ball)
+        robot_.pass_over("limits of ball joints");
+      else
+        j.lower = unit * (*range)[0], j.upper = unit * (*range)[1];
+    }
+    if (const auto range = text_.limits(a, "actuatorfrclimited", "actuatorfrcrange"))
+      j.least_force = (*range)[0], j.largest_force = (*range)[1];
+    link.joints.push_back(j);
+  }
+
+  void read_coefficients(const Attributes& a, RobotJoint& j) {
     j.stiffness = first(a, "stiffness");
     j.damping = first(a, "damping");
     j.armature = a.number("armature", 0);
     j.friction = a.number("frictionloss", 0);
     for (const double x : {j.damping, j.armature, j.friction})
-      if (x < 0) e.fail("damping, armature and frictionloss must not be negative");
-    if (const auto x = a.numbers("springdamper", 2, 2); !x.empty() && x[0] != 0) robot_.pass_over("springdamper");
-    j.start = j.ref;
-    const bool ranged = a.has("range");
-    if (a.flag("limited", ranged && text_.compiler().auto_limits)) {
-      const std::vector<double> range = a.numbers("range", 2, 2);
-      if (range.empty()) e.fail("is limited and needs 'range'");
-      if (j.kind == JointKind::ball) {
-        robot_.pass_over("limits of ball joints");
-      } else if (range[0] < range[1]) {
-        j.lower = unit * range[0];
-        j.upper = unit * range[1];
-      } else {
-        e.fail("'range' must rise");
-      }
-    }
-    const bool force_ranged = a.has("actuatorfrcrange");
-    if (a.flag("actuatorfrclimited", force_ranged && text_.compiler().auto_limits)) {
-      const std::vector<double> range = a.numbers("actuatorfrcrange", 2, 2);
-      if (range.size() == 2) j.least_force = range[0], j.largest_force = range[1];
-    }
-    link.joints.push_back(j);
+      if (x < 0) a.own().fail("damping, armature and frictionloss must not be negative");
   }
 
   /// The linear part of a coefficient that may be a polynomial.
@@ -273,9 +256,11 @@ class BodyReader {
     g.affinity = static_cast<unsigned>(a.number("conaffinity", 1));
     g.dimensions = static_cast<int>(a.number("condim", 3));
     if (const auto friction = a.numbers("friction", 1, 3); !friction.empty()) g.friction = friction[0];
+    if (a.number("priority", 0) != 0) robot_.pass_over("priority of geoms");
     const bool touches = g.type != 0 || g.affinity != 0 || in_pairs_.contains(e.text("name"));
     if (g.kind != GeomKind::mesh && a.has("mesh")) {
-      robot_.pass_over("primitives fitted to meshes");
+      robot_.pass_over(weighs(around.link, a) ? "primitives fitted to meshes (their mass is missing)"
+                                              : "primitives fitted to meshes");
       return;
     }
     set_size(e, a, around, g);
@@ -292,7 +277,7 @@ class BodyReader {
       g.pose = pose_in(a, around);
       return;
     }
-    std::vector<double> size = a.numbers("size", 1, 3);
+    std::vector<double> size = a.merged("size", 3);
     const auto ends = ends_of(a, around);
     g.pose = site_pose(a, around);
     const std::size_t needed = g.kind == GeomKind::sphere                                    ? 1
@@ -306,8 +291,7 @@ class BodyReader {
         size.resize(2);
         size[1] = half;
       } else {
-        const double across = size[0], other = size.size() > 1 ? size[1] : size[0];
-        size = {across, other, half};
+        size = {size[0], size[0], half};  // as MuJoCo does, whatever the second number says
       }
     }
     if (g.kind == GeomKind::plane) return;
@@ -333,7 +317,7 @@ class BodyReader {
     if (it == meshes_.end()) e.fail("there is no mesh '" + name + "' among the assets");
     const MeshAsset& mesh = it->second;
     if (mesh.file.empty()) {
-      robot_.pass_over("meshes without a file");
+      robot_.pass_over(counts ? "meshes without a file (their mass is missing)" : "meshes without a file");
       return false;
     }
     if (std::error_code none; !std::filesystem::is_regular_file(mesh.file, none))
@@ -342,7 +326,8 @@ class BodyReader {
                                 : "; without its shapes the robot is read by geometry = false (Python), --no-geometry "
                                   "(espalier robot)"));
     if (!is_surface_file(mesh.file)) {
-      robot_.pass_over("meshes other than STL and OBJ");
+      robot_.pass_over(counts ? "meshes other than STL and OBJ (their mass is missing)"
+                              : "meshes other than STL and OBJ");
       return false;
     }
     g.file = mesh.file;

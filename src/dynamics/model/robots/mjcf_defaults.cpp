@@ -33,6 +33,17 @@ std::vector<double> Attributes::numbers(const char* key, std::size_t least, std:
   return e == nullptr ? std::vector<double>{} : e->numbers(key, least, most);
 }
 
+std::vector<double> Attributes::merged(const char* key, std::size_t most) const {
+  std::vector<double> list;
+  for (auto it = chain_.rbegin(); it != chain_.rend(); ++it) {
+    if (!it->has(key)) continue;
+    const std::vector<double> given = it->numbers(key, 1, most);
+    list.resize(std::max(list.size(), given.size()));
+    std::copy(given.begin(), given.end(), list.begin());
+  }
+  return list;
+}
+
 bool Attributes::flag(const char* key, bool otherwise) const {
   const Element* e = with(key);
   if (e == nullptr) return otherwise;
@@ -211,5 +222,16 @@ Mat3 MjcfText::rotation(const Attributes& a) const {
 }
 
 Pose MjcfText::pose(const Attributes& a) const { return {a.vector("pos", Vec3::Zero()), rotation(a)}; }
+
+std::optional<std::array<double, 2>> MjcfText::limits(const Attributes& a, const char* limited,
+                                                      const char* range) const {
+  const bool given = a.has(range), automatic = a.text(limited, "auto") == "auto";
+  if (!a.flag(limited, given && compiler_.auto_limits)) return std::nullopt;
+  const std::vector<double> list = a.numbers(range, 2, 2);
+  if (list.empty()) a.own().fail(std::string("is limited and needs '") + range + "'");
+  if (list[0] < list[1]) return std::array{list[0], list[1]};
+  if (automatic) return std::nullopt;
+  a.own().fail(std::string("'") + range + "' must rise");
+}
 
 }  // namespace espalier::dynamics::model::robots

@@ -5,6 +5,7 @@
 #include <array>
 #include <deque>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -24,6 +25,8 @@ class Attributes {
   [[nodiscard]] double number(const char* key, double otherwise) const;
   [[nodiscard]] Vec3 vector(const char* key, const Vec3& otherwise) const;
   [[nodiscard]] std::vector<double> numbers(const char* key, std::size_t least, std::size_t most) const;
+  /// The same of a list that an element may give in part: the rest are those of the classes behind it.
+  [[nodiscard]] std::vector<double> merged(const char* key, std::size_t most) const;
   /// "true" or "false". @throws for other words
   [[nodiscard]] bool flag(const char* key, bool otherwise) const;
   [[nodiscard]] const std::vector<Element>& chain() const { return chain_; }
@@ -62,6 +65,9 @@ class MjcfText {
   /// quat, axisangle, euler, xyaxes or zaxis; none: no turn.
   [[nodiscard]] Mat3 rotation(const Attributes& a) const;
   [[nodiscard]] Pose pose(const Attributes& a) const;
+  /// A range that limits: `limited` says so, or it is left to `autolimits` and the range rises.
+  [[nodiscard]] std::optional<std::array<double, 2>> limits(const Attributes& a, const char* limited,
+                                                            const char* range) const;
   [[nodiscard]] const std::string& folder() const { return folder_; }
 
  private:

@@ -10,11 +10,7 @@ void read_mjcf_keyframe(const MjcfText& text, const RobotOptions& options, Robot
   std::vector<Element> keys;
   for (const Element& section : text.sections("keyframe"))
     for (const Element& e : text.children(section)) keys.push_back(e);
-  if (options.keyframe.empty()) {
-    for (Link& link : robot.links)
-      if (!link.joints.empty() && link.joints[0].kind == JointKind::free) link.joints[0].start_pose = link.pose;
-    return;
-  }
+  if (options.keyframe.empty()) return;
   const auto number = numbers_of(options.keyframe);
   auto it =
       std::find_if(keys.begin(), keys.end(), [&](const Element& e) { return e.text("name") == options.keyframe; });
@@ -37,13 +33,13 @@ void read_mjcf_keyframe(const MjcfText& text, const RobotOptions& options, Robot
       const std::size_t of_q = free ? 7 : ball ? 4 : 1, of_v = free ? 6 : ball ? 3 : 1;
       if (!q.empty() && nq + of_q > q.size()) it->fail("'qpos' has too few numbers, " + std::to_string(q.size()));
       if (!v.empty() && nv + of_v > v.size()) it->fail("'qvel' has too few numbers, " + std::to_string(v.size()));
-      if (free) j.start_pose = link.pose;
+      Pose start = free ? link.pose : Pose{};
       if (!q.empty()) {
         const double* x = q.data() + nq;
-        if (free) j.start_pose.p = Vec3(x[0], x[1], x[2]);
+        if (free) start.p = Vec3(x[0], x[1], x[2]);
         if (free || ball) {
           const double* w = x + (free ? 3 : 0);
-          if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0) j.start_pose.r = of_quaternion(w[0], w[1], w[2], w[3]);
+          if (w[0] != 0 || w[1] != 0 || w[2] != 0 || w[3] != 0) start.r = of_quaternion(w[0], w[1], w[2], w[3]);
         } else {
           j.start = x[0];
         }
@@ -56,6 +52,7 @@ void read_mjcf_keyframe(const MjcfText& text, const RobotOptions& options, Robot
         else
           j.speed = x[0];
       }
+      if (free || ball) j.start_pose = start;
       nq += of_q, nv += of_v;
     }
   if ((!q.empty() && nq != q.size()) || (!v.empty() && nv != v.size()))

@@ -12,7 +12,7 @@ namespace {
 /// An actuator on its way through the classes of defaults: all kinds set the same fields, one after the other.
 struct ActuatorFields {
   std::array<double, 3> gain{1, 0, 0}, bias{};
-  double damping_ratio = 0;
+  double damping_ratio = 0, inherited = 0;
   std::string gain_type = "fixed", bias_type = "none", dynamics = "none";
   std::optional<bool> control_limited, force_limited;
   std::optional<std::array<double, 2>> control_range, force_range;
@@ -104,11 +104,8 @@ class PartsReader {
     t.friction = a.number("frictionloss", 0);
     if (const auto rest = a.numbers("springlength", 1, 2); !rest.empty() && rest[0] >= 0)
       t.rest = {rest[0], rest.size() > 1 ? rest[1] : rest[0]};
-    const bool ranged = a.has("range");
-    if (a.flag("limited", ranged && text_.compiler().auto_limits)) {
-      const auto range = a.numbers("range", 2, 2);
-      if (range.size() == 2) t.lower = range[0], t.upper = range[1];
-    }
+    if (const auto range = text_.limits(a, "limited", "range")) t.lower = (*range)[0], t.upper = (*range)[1];
+    if (text_.limits(a, "actuatorfrclimited", "actuatorfrcrange")) robot_.pass_over("limits of the forces on tendons");
     if (a.number("armature", 0) != 0) robot_.pass_over("armature of tendons");
     robot_.tendons.push_back(std::move(t));
   }
@@ -161,7 +158,6 @@ class PartsReader {
     limited("forcelimited", f.force_limited);
     if (e.has("gear")) {
       const auto gear = e.numbers("gear", 1, 6);
-      f.gear = {};
       std::copy(gear.begin(), gear.end(), f.gear.begin());
     }
     f.not_taken.clear();
@@ -176,12 +172,13 @@ class PartsReader {
       if (e.has("dampratio")) f.damping_ratio = e.number("dampratio", 0), f.bias[2] = 0;
       f.gain_type = "fixed", f.bias_type = "affine";
       if (e.number("timeconst", 0) > 0) f.dynamics = "filterexact";
+      f.inherited = e.number("inheritrange", f.inherited);
     } else if (tag == "velocity") {
       const double kv = e.number("kv", f.gain[0]);
       f.gain = {kv, 0, 0}, f.bias = {0, 0, -kv}, f.damping_ratio = 0;
       f.gain_type = "fixed", f.bias_type = "affine";
     } else if (tag == "damper") {
-      f.gain = {0, 0, -e.number("kv", 1)}, f.bias = {}, f.damping_ratio = 0;
+      f.gain = {0, 0, -e.number("kv", 0)}, f.bias = {}, f.damping_ratio = 0;
       f.gain_type = "affine", f.bias_type = "none";
     } else if (tag == "general") {
       apply_general(e, f);
@@ -238,18 +235,31 @@ class PartsReader {
     a.gain = f.gain_type == "fixed" ? std::array{f.gain[0], 0.0, 0.0} : f.gain;
     if (f.bias_type == "affine") a.bias = f.bias;
     a.damping_ratio = f.bias_type == "affine" ? f.damping_ratio : 0;
-    const bool automatic = text_.compiler().auto_limits;
-    if (f.control_range && f.control_limited.value_or(automatic))
+    if (limits(f.control_range, f.control_limited))
       a.least_control = (*f.control_range)[0], a.largest_control = (*f.control_range)[1];
-    if (f.force_range && f.force_limited.value_or(automatic))
+    if (limits(f.force_range, f.force_limited))
       a.least_force = (*f.force_range)[0], a.largest_force = (*f.force_range)[1];
-    if (e.has("inheritrange") && !a.joint.empty() && e.number("inheritrange", 0) > 0)
-      if (const RobotJoint& j = named_joint(e, a.joint); j.lower && j.upper) {
-        const double middle = 0.5 * (*j.lower + *j.upper),
-                     half = 0.5 * e.number("inheritrange", 1) * (*j.upper - *j.lower);
-        a.least_control = middle - half, a.largest_control = middle + half;
-      }
+    if (f.inherited > 0 && (!a.joint.empty() || !a.tendon.empty())) inherit_range(e, f.inherited, a);
     robot_.actuators.push_back(std::move(a));
+  }
+
+  /// A range that does not rise limits where the model says so alone.
+  [[nodiscard]] bool limits(const std::optional<std::array<double, 2>>& range, const std::optional<bool>& said) const {
+    return range && said.value_or(text_.compiler().auto_limits && (*range)[0] < (*range)[1]);
+  }
+
+  void inherit_range(const Element& e, double part, Actuator& a) const {
+    std::optional<double> lower, upper;
+    if (!a.joint.empty()) {
+      const RobotJoint& j = named_joint(e, a.joint);
+      lower = j.lower, upper = j.upper;
+    } else {
+      for (const Tendon& t : robot_.tendons)
+        if (t.name == a.tendon) lower = t.lower, upper = t.upper;
+    }
+    if (!lower || !upper) e.fail("'inheritrange' needs a joint or tendon with a range");
+    const double middle = 0.5 * (*lower + *upper), half = 0.5 * part * (*upper - *lower);
+    a.least_control = middle - half, a.largest_control = middle + half;
   }
 
   // Equalities -------------------------------------------------------------------------------------------------------

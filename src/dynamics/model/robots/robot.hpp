@@ -33,8 +33,9 @@ struct RobotJoint {
   std::optional<double> lower, upper;
   double least_force = -std::numeric_limits<double>::infinity(), largest_force = -least_force;  ///< of actuators
   std::optional<Mimic> mimic;
-  // ball: rotation of the link from Link::pose and angular velocity in its own axes; free: also place and velocity
-  Pose start_pose;
+  // ball: rotation of the link from Link::pose and angular velocity in its own axes; free: place and velocity in those
+  // of the world. None: Link::pose
+  std::optional<Pose> start_pose;
   Vec3 start_velocity = Vec3::Zero(), start_spin = Vec3::Zero();
 };
 
@@ -84,7 +85,7 @@ struct Tendon {
   };
   std::vector<Piece> pieces;  ///< of a spatial tendon
   double stiffness = 0, damping = 0, friction = 0;
-  std::optional<std::array<double, 2>> rest;  ///< none: the length at `ref`
+  std::optional<std::array<double, 2>> rest;  ///< none: the length with the springs of joints at rest
   std::optional<double> lower, upper;
 };
 

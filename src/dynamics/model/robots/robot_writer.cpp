@@ -27,7 +27,7 @@ class RobotWriter {
     for (const Equality& q : robot_.equalities) write_equality(q);
     for (const Moving& m : tree_.moving)
       if (m.joint.mimic) write_coupling(m.joint.name, *m.joint.mimic, m.joint.name + "_mimic");
-    for (std::size_t k = 0; k < tree_.moving.size(); ++k) write_joint_forces(k);
+    for (std::size_t k = 0; k < tree_.moving.size(); ++k) write_joint_forces(k), write_lifts(k);
     for (const Actuator& a : robot_.actuators)
       if (!a.joint.empty()) write_joint_actuator(a);
     for (const Actuator& a : robot_.actuators)
@@ -100,6 +100,15 @@ class RobotWriter {
     if (m.weightless != 0) out_ << "gravity = " << vector_text((1 - m.weightless) * robot_.gravity) << "\n";
   }
 
+  /// Where links that are welded to each other feel gravity differently.
+  void write_lifts(std::size_t k) {
+    for (const auto& [mass, centre] : tree_.moving[k].lifts) {
+      out_ << "\n[forces." << names_.take(names_of_bodies_[k] + "_lift", "")
+           << "]\ntype = \"load\"\na = " << frame(static_cast<int>(k), {centre, Mat3::Identity()})
+           << "\nforce = " << vector_text(-mass * robot_.gravity) << "\n";
+    }
+  }
+
   /// A frame on a body, given in the axes of its link.
   [[nodiscard]] std::string frame(int k, const Pose& pose) const {
     const Vec3 point = k < 0 ? pose.p : Vec3(pose.p - body(k).mass.centre);
@@ -166,7 +175,9 @@ class RobotWriter {
     const RobotJoint& j = body(k).joint;
     if (!one_coordinate(j)) {
       if (j.armature != 0) robot_.pass_over("armature of ball and free joints");
-      if (j.kind == JointKind::free || (j.stiffness == 0 && j.damping == 0)) return;
+      if (j.friction != 0) robot_.pass_over("friction loss of ball and free joints");
+      if (j.stiffness == 0 && j.damping == 0) return;
+      if (j.kind == JointKind::free) return robot_.pass_over("damping and springs of free joints");
       begin_force(j.name + "_spring", "", "bushing", k);
       out_ << "angular_stiffness = " << vector_text(Vec3::Constant(j.stiffness))
            << "\nangular_damping = " << vector_text(Vec3::Constant(j.damping)) << "\n";
@@ -297,19 +308,19 @@ class RobotWriter {
   void write_tendon(const Tendon& t) {
     const std::string name = input_names_.take(t.name, "_tendon");
     std::string length, rate;
-    double at_ref = 0;
+    double at_rest = 0;
     std::vector<std::string> springs;
     const auto add = [](std::string& sum, const std::string& term) { sum += (sum.empty() ? "" : " + ") + term; };
     for (const auto& [joint, factor] : t.joints) {
       const int k = tree_.joints.at(joint);
       add(length, number_text(factor) + "*" + coordinate_of(k));
       add(rate, number_text(factor) + "*" + rate_of(k));
-      at_ref += factor * body(k).joint.ref;
+      at_rest += factor * body(k).joint.rest;
     }
     for (const Tendon::Piece& p : t.pieces) {
       const RobotTree::Home &a = tree_.sites.at(p.from), &b = tree_.sites.at(p.to);
-      const double part = (body(a.body).at_ref * a.pose.p - body(b.body).at_ref * b.pose.p).norm();
-      at_ref += part / p.divisor;
+      const double part = (body(a.body).at_rest * a.pose.p - body(b.body).at_rest * b.pose.p).norm();
+      at_rest += part / p.divisor;
       springs.push_back(a.body == b.body ? "" : names_.take(t.name, "_tendon"));
       if (springs.back().empty()) {
         add(length, number_text(part / p.divisor));
@@ -321,7 +332,7 @@ class RobotWriter {
     if (rate.empty()) rate = "0";
     sensors_ += in_quotes(name + "_length") + " = " + in_quotes(length) + "\n" + in_quotes(name + "_rate") + " = " +
                 in_quotes(rate) + "\n";
-    const std::string pull = pull_text(t, name, at_ref);
+    const std::string pull = pull_text(t, name, at_rest);
     if (pull.empty()) return;
     sensors_ += in_quotes(name + "_push") + " = " + in_quotes(pull) + "\n";
     const std::string push = sensor(name + "_push");
@@ -344,9 +355,9 @@ class RobotWriter {
   }
 
   /// The force along the length, positive where it makes that longer; "": none.
-  std::string pull_text(const Tendon& t, const std::string& name, double at_ref) {
+  std::string pull_text(const Tendon& t, const std::string& name, double at_rest) {
     const std::string length = sensor(name + "_length"), rate = sensor(name + "_rate");
-    const std::array<double, 2> rest = t.rest.value_or(std::array{at_ref, at_ref});
+    const std::array<double, 2> rest = t.rest.value_or(std::array{at_rest, at_rest});
     std::string sum;
     const auto add = [&](const std::string& term) { sum += (sum.empty() ? "" : " + ") + term; };
     const auto less = [&](double x) { return "(" + length + " - (" + number_text(x) + "))"; };

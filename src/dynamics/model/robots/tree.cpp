@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 #include "dense/dense.hpp"
 #include "dynamics/model/robots/geom_mass.hpp"
@@ -49,6 +50,8 @@ class TreeMaker {
     if (link.joints.empty()) {
       if (here.body >= 0) {
         Moving& m = body(here.body);
+        if (link.mass.mass > 0 && link.weightless != m.weightless)
+          m.lifts.emplace_back(link.mass.mass * (link.weightless - m.weightless), here.pose * link.mass.centre);
         m.mass = sum_of({m.mass, moved(link.mass, here.pose)});
         m.carrier = m.carrier && !(link.mass.mass > 0);
       }
@@ -110,7 +113,7 @@ class TreeMaker {
       if (other == tree_.joints.end())
         throw Error(StatusCode::invalid_input, where + ": there is no joint '" + mimic.of + "' that it could follow");
       way.push_back(name);
-      if (const auto& next = body(other->second).joint.mimic) follow(mimic.of, *next, way);
+      if (const auto next = leaders_.find(mimic.of); next != leaders_.end()) follow(mimic.of, next->second, way);
       way.pop_back();
       of = body(other->second).joint.start;
       rate = body(other->second).joint.speed;
@@ -120,22 +123,30 @@ class TreeMaker {
   }
 
   void follow_couplings() {
-    std::vector<std::string> way;
-    for (Moving& m : tree_.moving)
-      if (m.joint.mimic) follow(m.joint.name, *m.joint.mimic, way);
+    for (const Moving& m : tree_.moving)
+      if (m.joint.mimic) leaders_.emplace(m.joint.name, *m.joint.mimic);
     for (const Equality& q : robot_.equalities)
-      if (q.kind == EqualityKind::joint && q.active) follow(q.first, q.coupling, way);
+      if (q.kind == EqualityKind::joint && q.active) leaders_.emplace(q.first, q.coupling);
+    std::vector<std::string> way;
+    for (const auto& [name, mimic] : leaders_) follow(name, mimic, way);
   }
 
   void add_up() {
     for (Moving& m : tree_.moving) {
       m.at_ref = body(m.parent).at_ref * m.pose;
-      if (m.joint.kind == JointKind::free) m.at_ref = m.pose;
+      m.at_rest = body(m.parent).at_rest * m.pose;
+      const RobotJoint& j = m.joint;
+      if (j.kind == JointKind::slide) m.at_rest = m.at_rest * Pose{(j.rest - j.ref) * j.axis, Mat3::Identity()};
+      if (j.kind == JointKind::hinge) {
+        const Mat3 turn = about(j.axis, j.rest - j.ref);
+        m.at_rest = m.at_rest * Pose{j.point - turn * j.point, turn};
+      }
       m.composite = moved(m.mass, m.at_ref);
     }
     for (std::size_t k = tree_.moving.size(); k-- > 0;) {
       const Moving& m = tree_.moving[k];
-      if (m.parent >= 0) body(m.parent).composite = sum_of({body(m.parent).composite, m.composite});
+      if (m.parent >= 0 && m.joint.kind != JointKind::free)
+        body(m.parent).composite = sum_of({body(m.parent).composite, m.composite});
       tree_.mass += m.mass.mass;
     }
   }
@@ -185,7 +196,7 @@ class TreeMaker {
       const double moved_by = j.start - j.ref;
       const Vec3 axis = m.start.r * j.axis;
       if (j.kind == JointKind::free) {
-        m.start = j.start_pose;
+        m.start = j.start_pose.value_or(m.start);
         m.velocity = j.start_velocity;
         m.spin = m.start.r * j.start_spin;
       } else if (j.kind == JointKind::slide) {
@@ -194,7 +205,7 @@ class TreeMaker {
       } else {
         const Vec3 anchor = m.start * j.point;
         m.velocity += m.spin.cross(anchor - m.start.p);
-        m.start.r = m.start.r * (j.kind == JointKind::ball ? j.start_pose.r : about(j.axis, moved_by));
+        m.start.r = m.start.r * (j.kind == JointKind::ball ? j.start_pose.value_or(Pose{}).r : about(j.axis, moved_by));
         m.start.p = anchor - m.start.r * j.point;
         m.spin += j.kind == JointKind::ball ? Vec3(m.start.r * j.start_spin) : Vec3(j.speed * axis);
         m.velocity += m.spin.cross(m.start.p - anchor);
@@ -205,6 +216,7 @@ class TreeMaker {
   Robot& robot_;
   const RobotOptions& options_;
   RobotTree tree_;
+  std::map<std::string, Mimic> leaders_;  // what joints follow
 };
 
 }  // namespace

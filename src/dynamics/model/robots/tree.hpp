@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "dynamics/model/robots/robot.hpp"
@@ -18,12 +19,15 @@ struct Moving {
   Mass mass;
   bool carrier = false;  ///< has no mass of its own: between two joints of one link, or a link without mass
   double weightless = 0;
+  /// What links that are welded to it feel less of gravity than it does: mass times that part, and their centre.
+  std::vector<std::pair<double, Vec3>> lifts;
   std::vector<Geom> geoms;
   std::vector<Site> places;  ///< sites, and links that are welded to it
   std::vector<std::string> links;
   // With all joints at `ref`, in global axes
   Pose at_ref;
   Mass composite;  ///< of all that hangs on it
+  Pose at_rest;    ///< with the springs of hinges and slides at rest
   // At the start
   Pose start;
   Vec3 velocity = Vec3::Zero();  ///< of its origin

@@ -177,7 +177,7 @@ class UrdfReader {
     joints_.push_back(std::move(j));
   }
 
-  static void read_limits(const Element& e, Joint& j) {
+  void read_limits(const Element& e, Joint& j) {
     const Element limit = e.child("limit");
     if (limit.empty()) {
       if (j.type == "revolute" || j.type == "prismatic")
@@ -189,6 +189,7 @@ class UrdfReader {
       j.joint.upper = limit.number("upper", 0);
       if (*j.joint.lower > *j.joint.upper) limit.fail("'lower' is above 'upper'");
     }
+    if (limit.number("velocity", 0) > 0) robot_.pass_over("limits of velocity");
     if (const double effort = limit.number("effort", 0); effort > 0) {
       j.joint.largest_force = effort;
       j.joint.least_force = -effort;
