@@ -53,8 +53,9 @@ NastranControl read_nastran_control(std::string_view content, const std::string&
       if (word == "SPC") now.spc = set_number(place, word, rest);
       if (word == "MPC") now.mpc = set_number(place, word, rest);
       if (word == "METHOD") now.method = set_number(place, word, rest);
-      for (const char* other : {"TEMPERATURE", "TEMP", "DLOAD", "DEFORM", "NLPARM", "BCSET", "BCONTACT", "TRIM",
-                                "SUPORT1", "CMETHOD", "TSTEP", "FREQUENCY", "K2GG", "M2GG", "K2PP", "M2PP"})
+      for (const char* other :
+           {"TEMPERATURE", "TEMP", "DLOAD", "DEFORM", "NLPARM", "BCSET", "BCONTACT", "TRIM", "SUPORT1", "CMETHOD",
+            "TSTEP", "FREQUENCY", "K2GG", "M2GG", "K2PP", "M2PP", "STATSUB", "P2G", "LOADSET"})
         if (word == other) now.left.emplace_back(word);
     }
   }
