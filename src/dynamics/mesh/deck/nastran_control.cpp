@@ -66,6 +66,12 @@ NastranControl read_nastran_control(std::string_view content, const std::string&
     cases.clear();
   }
   if (cases.empty()) cases.push_back(all);
+  const auto stressed = [](const NastranCase& c) {
+    return std::find(c.left.begin(), c.left.end(), "STATSUB") != c.left.end();
+  };
+  if (std::any_of(cases.begin(), cases.end(), stressed))  // another subcase is what stresses this one
+    for (NastranCase& c : cases)
+      if (!stressed(c)) c.left.emplace_back("STATSUB");
   if (cases.front().place.line == 0) cases.front().place = {name, std::max<std::int64_t>(1, control.place.line)};
   control.cases = std::move(cases);
   return control;
