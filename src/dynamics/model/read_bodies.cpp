@@ -524,7 +524,9 @@ class BodyReader {
 
   MeshFile read_shell_mesh(Section& mesh) const {
     if (!mesh.has("file")) fail(mesh.place(), "of a shell is a file: mesh = { file = \"...\" }; a grid needs x and y");
-    MeshFile found{beside_model(mesh.text("file")), mesh.positive("scale", 1)};
+    MeshFile found;
+    found.path = beside_model(mesh.text("file"));
+    found.scale = mesh.positive("scale", 1);
     mesh.finish();
     return found;
   }
