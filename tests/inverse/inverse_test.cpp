@@ -152,11 +152,12 @@ TEST(SelectedInverse, RandomSystemsAgreeWithDenseInverses) {
 TEST(SelectedInverse, ThreadsChangeNoBits) {
   for (const auto& words : std::vector<std::vector<std::string>>{{"elasticity", "7"}, {"kkt", "2", "5", "3", "3"}}) {
     const SparseMatrix a = generated(words);
-    std::vector<double> first;
-    for (const int threads : {1, 2, 3}) {
-      for (const Kind kind : {Kind::automatic, Kind::lu}) {
-        if (threads == 1 && kind == Kind::lu) first.clear();
+    for (const Kind kind : {Kind::automatic, Kind::lu}) {
+      std::vector<double> first;
+      for (const int threads : {1, 2, 3}) {
         Options o;
+        o.device = "cpu";
+        o.kind = kind;
         o.threads = threads;
         Solver s = factorized_by(a, o);
         std::vector<double> x(at(a.nonzeros()));
@@ -174,6 +175,7 @@ TEST(SelectedInverse, LargeFrontsAgreeWithSolutions) {
   for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
     SCOPED_TRACE(static_cast<int>(kind));
     Options o;
+    o.device = "cpu";
     o.kind = kind;
     o.threads = 2;
     Solver s = factorized_by(a, o);

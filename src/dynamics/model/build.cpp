@@ -335,12 +335,6 @@ FacePressure* Mechanism::pressure(const std::string& name) const {
   return nullptr;
 }
 
-CableForce* Mechanism::cable(const std::string& name) const {
-  for (CableForce* c : cables)
-    if (c->name() == name) return c;
-  return nullptr;
-}
-
 const BuiltContact* Mechanism::surface_contact(const std::string& name) const {
   for (const BuiltContact& c : surface_contacts)
     if (c.name == name) return &c;

@@ -1,4 +1,5 @@
 #include "dynamics/model/joint_kinds/kind.hpp"
+#include "dynamics/model/mechanism.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -31,5 +32,11 @@ std::unique_ptr<CableForce> make_cable_force(const ForceSpec& f, const FrameBuil
 
 const JointKind kCable = {
     .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false, .couples = true};
+
+CableForce* Mechanism::cable(const std::string& name) const {
+  for (CableForce* c : cables)
+    if (c->name() == name) return c;
+  return nullptr;
+}
 
 }  // namespace espalier::dynamics::model

@@ -43,7 +43,7 @@ class RobotWriter {
  private:
   std::string head() const {
     std::ostringstream s;
-    s << "# Made from '" << std::filesystem::path(path_).filename().string() << "' by espalier.\n";
+    s << "# Made from '" << printable(std::filesystem::path(path_).filename().string()) << "' by espalier.\n";
     s << "title = " << in_quotes(robot_.name.empty() ? "robot" : robot_.name)
       << "\nunits = \"SI\"\ngravity = " << vector_text(robot_.gravity) << "\n\n[parameters]\n";
     constexpr double kSag = 1e-3;  // of the whole robot on one point of contact

@@ -5,6 +5,7 @@
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/robots/mjcf.hpp"
 #include "dynamics/model/robots/robot_writer.hpp"
+#include "dynamics/model/robots/toml_writer.hpp"
 #include "dynamics/model/robots/urdf.hpp"
 #include "espalier/types.hpp"
 
@@ -31,9 +32,7 @@ RobotText robot_as_model(std::string text, const std::string& path, const RobotO
     passed += (passed.empty() ? "" : ", ") + std::to_string(count) + " " + what;
   if (!passed.empty()) robot.notices.insert(robot.notices.begin(), path + ": passed over: " + passed);
   std::string comments;
-  for (const std::string& notice : robot.notices) comments += "# " + notice + "\n";
-  for (char& c : comments)
-    if (c >= 0 && c < ' ' && c != '\n') c = ' ';
+  for (const std::string& notice : robot.notices) comments += "# " + printable(notice) + "\n";
   out.text = comments + model;
   out.notices = std::move(robot.notices);
   return out;

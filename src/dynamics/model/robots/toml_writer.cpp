@@ -9,7 +9,25 @@ namespace {
 bool is_letter(char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_'; }
 bool is_digit(char c) { return c >= '0' && c <= '9'; }
 
+/// Whether all of it is UTF-8, as TOML asks for (overlong forms and surrogates are not looked for).
+bool is_utf8(std::string_view text) {
+  int more = 0;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (more > 0 ? (byte & 0xc0U) != 0x80U : (byte & 0xc0U) == 0x80U || byte >= 0xf8U) return false;
+    more = more > 0 ? more - 1 : byte >= 0xf0U ? 3 : byte >= 0xe0U ? 2 : byte >= 0xc0U ? 1 : 0;
+  }
+  return more == 0;
+}
+
 }  // namespace
+
+std::string printable(std::string text) {
+  const bool good = is_utf8(text);
+  for (char& c : text)
+    if ((c >= 0 && c < ' ') || c == 0x7f || (c < 0 && !good)) c = ' ';
+  return text;
+}
 
 std::string number_text(double x) {
   char text[40];
@@ -30,9 +48,9 @@ std::string rotation_text(const Mat3& r) {
 
 std::string in_quotes(std::string_view text) {
   std::string out = "\"";
-  for (const char c : text) {
+  for (const char c : printable(std::string(text))) {
     if (c == '"' || c == '\\') out += '\\';
-    out += c >= 0 && c < ' ' ? ' ' : c;
+    out += c;
   }
   return out + "\"";
 }

@@ -17,6 +17,8 @@ namespace espalier::dynamics::model::robots {
 [[nodiscard]] std::string vector_text(const Vec3& x);
 /// "{ quaternion = [w, x, y, z] }"
 [[nodiscard]] std::string rotation_text(const Mat3& r);
+/// With blanks for what TOML does not take: control characters, and bytes that are no UTF-8.
+[[nodiscard]] std::string printable(std::string text);
 /// A text in quotes.
 [[nodiscard]] std::string in_quotes(std::string_view text);
 
