@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
+#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -35,7 +36,7 @@ void print_json(const FmuResult& r) {
 
 int ExportFmuCommand::run() const {
   std::string path = out;
-  if (path.empty()) path = model.ends_with(".toml") ? model.substr(0, model.size() - 5) : model;
+  if (path.empty()) path = std::filesystem::path(model).replace_extension(".fmu").string();
   check_outputs({{"the model", model}}, {{"--out", path}});
   const FmuResult result = export_fmu(model, path, options);
   if (!result.status.ok()) throw Error(result.status);

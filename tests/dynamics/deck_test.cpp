@@ -76,6 +76,20 @@ TEST_F(Decks, Gravity) {
   refused(kBar + kClamp + kStatic + "*DLOAD\n1, GRAV, 5., 1., 0., 0.\n", {"bar.inp:", "the same for all solids"});
 }
 
+// Masses have their weight where the set of the load has them: 4 * 0.5 kg at the end draw with 10 N, E A / l = 500; so
+// much as the weight of the bar itself moves the end. As CalculiX has it.
+TEST_F(Decks, WeightOfMasses) {
+  const std::string masses =
+      "*ELEMENT, TYPE=MASS, ELSET=M\n91,3\n92,13\n93,23\n94,33\n*MASS, ELSET=M\n0.5\n*ELSET, ELSET=BOTH\nBAR, M\n";
+  for (const auto& [lines, end] :
+       {std::pair(", GRAV, 5., 1., 0., 0.\n", 0.04), std::pair("BOTH, GRAV, 5., 1., 0., 0.\n", 0.04),
+        std::pair("BAR, GRAV, 5., 1., 0., 0.\n", 0.02), std::pair("M, GRAV, 5., 1., 0., 0.\n", 0.02),
+        std::pair("BAR, GRAV, 5., 1., 0., 0.\nm, GRAV, 5., 2., 0., 0.\n", 0.04)}) {
+    const Simulation s = run(kBar + masses + kClamp + kStatic + "*DLOAD\n" + lines);
+    EXPECT_NEAR(moved(s, 3).x(), end, 1e-13) << lines;
+  }
+}
+
 // A step takes what those before it leave; OP=NEW takes it away.
 TEST_F(Decks, Steps) {
   const std::string two = kBar + kClamp + kStatic + "*CLOAD\nX2, 1, 1.\n*END STEP\n" + kStatic;
@@ -148,6 +162,11 @@ TEST_F(Decks, RigidEnds) {
     EXPECT_NEAR(moved(s, 3).x(), moved(s, 23).x(), 1e-14) << coupling;
     EXPECT_NEAR(moved(s, 3).y(), moved(s, 13).y(), 1e-14) << coupling;  // keeps its length
   }
+  // Its reference node is led, and held in other directions.
+  const Simulation led =
+      run(kBar + ref + "*RIGID BODY, NSET=X2, REF NODE=99\n" + kClamp + "*BOUNDARY\n99,1,1,8e-3\n99,2,2\n" + kStatic);
+  for (const int node : {3, 13, 33}) EXPECT_NEAR(moved(led, node).x(), 8e-3, 1e-13);
+  EXPECT_NEAR(moved(led, 2).x(), 4e-3, 1e-13);
   // In the mean a force through the middle spreads evenly.
   const Simulation s = run(kBar + ref +
                            "*SURFACE, NAME=END\n2, S4\n*COUPLING, REF NODE=99, SURFACE=END, CONSTRAINT NAME=C\n"
@@ -186,6 +205,28 @@ TEST_F(Decks, WhatIsRefused) {
   refused(held + "*NODE\n99,3,0,0\n*ELEMENT, TYPE=SPRINGA, ELSET=S\n51,3,99\n*SPRING,ELSET=S\n\n1.\n" + kStatic,
           {"node 99 belongs to no solid"});
   refused(held + "*STEP\n*FREQUENCY\n0\n", {"*FREQUENCY needs a number of modes"});
+  refused(held + "*STEP\n*FREQUENCY\n3, 20.\n", {"*FREQUENCY above a lowest one"});
+  refused(held + kStatic + "*BOUNDARY, FIXED\n3, 1\n", {"*BOUNDARY FIXED"});
+  refused(held + kStatic + "*BOUNDARY, TYPE=DISPLACEMENT, SUBMODEL\n3, 1\n", {"*BOUNDARY SUBMODEL"});
+  refused(held + "*DAMPING, ALPHA=3.\n*STEP\n*DYNAMIC\n0.1, 1.\n", {"*DAMPING"});
+  refused(held +
+              "*ELEMENT,TYPE=MASS,ELSET=M\n91,99\n*NODE\n99,3,0,0\n*MASS,ELSET=M\n1.\n*NSET,NSET=N\n99\n"
+              "*TRANSFORM,NSET=N\n0.,1.,0.,-1.,0.,0.\n*BOUNDARY\n99,1,2\n" +
+              kStatic,
+          {"the mass of node 99 is held along axes of its own"});
+}
+
+// Frequencies under the stresses of the step before are not those without.
+TEST_F(Decks, StressesOfTheStepBefore) {
+  const std::string pulled = kBar + kClamp + "*STEP, NLGEOM\n*STATIC\n*CLOAD\nX2, 1, 1.\n*END STEP\n";
+  for (const char* step : {"*STEP, PERTURBATION\n*STATIC\n", "*STEP\n*FREQUENCY\n3\n"}) {
+    write("bar.inp", pulled + step);
+    const Status status = Simulation().load_text(
+        "bodies.part = { type = \"solid\", mesh = { file = \"bar.inp\", take = \"all\", step = 2 } }\n",
+        (folder_ / "model.toml").string());
+    EXPECT_NE(status.message.find("the answer would be another one without"), std::string::npos) << status.message;
+    EXPECT_NE(status.message.find("stresses"), std::string::npos) << status.message;
+  }
 }
 
 // Of a model: words choose; what is left is a notice; the model's own run stays.
@@ -244,6 +285,20 @@ TEST_F(Decks, Nastran) {
   const auto [weight, g] = run_nastran(control, "GRAV,2,0,5.,1.,0.,0.\n");
   ASSERT_TRUE(weight.ok()) << weight.message;
   EXPECT_NEAR(end(g, 2), 0.02, 1e-14);
+  const auto [loaded, m] =
+      run_nastran(control, "GRAV,2,0,5.,1.,0.,0.\nCONM2,51,2,,.5\nCONM2,52,3,,.5\nCONM2,53,6,,.5\nCONM2,54,7,,.5\n");
+  ASSERT_TRUE(loaded.ok()) << loaded.message;
+  EXPECT_NEAR(end(m, 2), 0.04, 1e-13);
+  for (const auto& [solution, more, says] :
+       {std::tuple(control, "PLOAD4,2,1,-4.,,,,2,7\nPARAM,WTMASS,.00259\n", "PARAM WTMASS"),
+        std::tuple(control, "PLOAD4,2,1,-4.,,,,2,7\nPARAM,INREL,-2\n", "PARAM INREL"),
+        std::tuple(std::string("SOL 103\nCEND\nSPC = 1\nMETHOD = 4\n"), "EIGRL,4,10.,,3\n", "EIGRL above"),
+        std::tuple(std::string("SOL 103\nCEND\nSPC = 1\nSUBCASE 1\nLOAD = 2\nSUBCASE 2\nMETHOD = 4\nSTATSUB = 1\n"),
+                   "EIGRL,4,,,3\nPLOAD4,2,1,-4.,,,,2,7\n", "STATSUB")}) {
+    const std::string message = run_nastran(solution, more).first.message;
+    EXPECT_NE(message.find(says), std::string::npos) << message;
+  }
+  ASSERT_TRUE(run_nastran(control, "PLOAD4,2,1,-4.,,,,2,7\nPARAM,POST,-1\nPARAM,WTMASS,1.\n").first.ok());
   const auto [overlap, o] = run_nastran(
       control, "RBE2,7,9,123456,2,3,6,7\nGRID,10,,3.,.5,.5\nRBE2,8,10,123456,2,3,6\nFORCE,2,9,0,4.,1.,0.,0.\n");
   EXPECT_NE(overlap.message.find("bar.bdf:"), std::string::npos);

@@ -238,6 +238,30 @@ step = 0.005
   EXPECT_NEAR(s.value("swing.angle"), truth.value("hinge.angle"), 1e-12);
 }
 
+// Files that simulate takes as they are: a robot, and a deck with a motion.
+TEST_P(ExportedFmu, TakesRobotsAndDecks) {
+  FmuOptions o = with_library(GetParam());
+  write_file(folder_ / "arm.urdf",
+             R"(<robot name="arm"><link name="base"/><link name="up"><inertial><origin xyz="0 0 0.3"/><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="swing" type="continuous">
+<parent link="base"/><child link="up"/><axis xyz="0 1 0"/></joint></robot>)");
+  o.outputs = {"swing.angle"};
+  const FmuResult robot = export_fmu(folder_ / "arm.urdf", folder_ / "arm", o);
+  EXPECT_TRUE(robot.status.ok()) << robot.status.message;
+  const std::string cube =
+      "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,0,0,1\n6,1,0,1\n7,1,1,1\n8,0,1,1\n"
+      "*ELEMENT, TYPE=C3D8, ELSET=E\n1,1,2,3,4,5,6,7,8\n*MATERIAL, NAME=M\n*ELASTIC\n1000.,0.\n*DENSITY\n2.\n"
+      "*SOLID SECTION, ELSET=E, MATERIAL=M\n*BOUNDARY\n1,1,3\n4,1,3\n5,1,3\n8,1,3\n*STEP\n";
+  o.outputs = {"part.position"};
+  write_file(folder_ / "cube.inp", cube + "*DYNAMIC, DIRECT\n0.01,0.1\n*CLOAD\n2,3,1.\n*END STEP\n");
+  const FmuResult deck = export_fmu(folder_ / "cube.inp", folder_ / "cube", o);
+  EXPECT_TRUE(deck.status.ok()) << deck.status.message;
+  EXPECT_EQ(deck.files, std::vector<std::string>{folder_ / "cube.inp"});
+  write_file(folder_ / "cube.inp", cube + "*STATIC\n*CLOAD\n2,3,1.\n*END STEP\n");
+  EXPECT_NE(export_fmu(folder_ / "cube.inp", folder_ / "cube", o).status.message.find("needs [integrator]"),
+            std::string::npos);
+}
+
 TEST_P(ExportedFmu, RefusesWhatIsNoModelOrVariable) {
   FmuOptions o = with_library(GetParam());
   const std::string text = kPendulum;

@@ -63,11 +63,14 @@ struct DeckPressure {
   int curve = -1;
   int step = 0;  ///< that states it
 };
+/// Acts on all solids and masses, or on those of a set.
 struct DeckGravity {
   DeckPlace place;
-  std::vector<Index> elements;  ///< empty: all
+  std::vector<Index> elements;  ///< solids of the set
   Point acceleration{};
-  int step = 0;  ///< that states it
+  int step = 0;                      ///< that states it
+  std::string set{};                 ///< as the card says it, in upper case; empty: all
+  std::vector<std::string> homes{};  ///< where the set is looked for
 };
 /// A spring and a dashpot between two nodes, along the line between them or along one direction.
 struct DeckSpring {
@@ -82,6 +85,7 @@ struct DeckMass {
   double mass = 0;
   Point offset{};
   std::array<double, 6> inertia{};  ///< xx, yy, zz, xy, xz, yz about the mass itself
+  Point gravity{};                  ///< acceleration that acts on it
 };
 /// The sum of factor * displacement is `value`.
 struct DeckEquation {

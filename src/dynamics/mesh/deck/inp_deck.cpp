@@ -58,6 +58,9 @@ class InpDeckReader {
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
     for (const auto& [key, force] : forces_) deck_.forces.push_back(force);
     for (const auto& [key, pressure] : pressures_) deck_.pressures.push_back(pressure);
+    if (deck_.step.kind == DeckStep::Kind::motion)
+      for (const InpCard& card : model_.cards)
+        if (card.keyword.name == "*DAMPING") leave(DeckKind::others, card.keyword.name, card);
     read_inp_parts(model_, target_);
     note_formulations();
   }
@@ -83,10 +86,15 @@ class InpDeckReader {
   void begin_step(const InpCard& card) {
     news_.clear();
     fresh_holds_.clear();
-    if (card.step != wanted_) return;
-    const std::string large = upper(card.keyword.get("NLGEOM"));
-    deck_.step.large = card.keyword.has("NLGEOM") && large != "NO";
+    const bool large = card.keyword.has("NLGEOM") && upper(card.keyword.get("NLGEOM")) != "NO";
+    if (card.step != wanted_) {
+      large_before_ = large_before_ || large;
+      return;
+    }
+    deck_.step.large = large;
     deck_.step.place = card.place;
+    if (wanted_ > 1 && card.keyword.has("PERTURBATION"))
+      leave(DeckKind::step, "*STEP PERTURBATION, from the stresses of the step before", card);
   }
 
   void procedure(const InpCard& card) {
@@ -102,6 +110,8 @@ class InpDeckReader {
       if (count < 1 || count > kMost)
         fail(f.place(), fmt::format("*FREQUENCY needs a number of modes from 1 to {}, not {}", kMost, count));
       step.modes = static_cast<int>(count);
+      if (f.real(1, "lowest frequency", 0) > 0) leave(DeckKind::step, "*FREQUENCY above a lowest one", card);
+      if (large_before_) leave(DeckKind::step, "*FREQUENCY under the stresses of a step with NLGEOM", card);
       return;
     }
     step.kind = card.keyword.name == "*STATIC" ? DeckStep::Kind::statics : DeckStep::Kind::motion;
@@ -169,9 +179,8 @@ class InpDeckReader {
   }
 
   void boundary(const InpCard& card) {
-    if (upper(card.keyword.get("TYPE")) != "DISPLACEMENT" &&
-        leaves_parameter(card, DeckKind::boundary, {"OP", "AMPLITUDE", "FIXED"}))
-      return;
+    const char* type = upper(card.keyword.get("TYPE")) == "DISPLACEMENT" ? "TYPE" : "OP";
+    if (leaves_parameter(card, DeckKind::boundary, {"OP", "AMPLITUDE", type})) return;
     if (begins_anew(card)) holds_.clear();
     const int curve = curve_of(card, DeckKind::boundary);
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
@@ -292,11 +301,18 @@ class InpDeckReader {
     const Point direction = direction_of({f.real(3, "x", 0), f.real(4, "y", 0), f.real(5, "z", 0)});
     if (direction == Point{}) fail(f.place(), "*DLOAD GRAV: the direction is zero");
     if (curve >= 0) return leave(DeckKind::gravity, "*DLOAD GRAV with AMPLITUDE", card);
-    DeckGravity g{f.place(), f.has(0) ? target_.elements(card, f) : std::vector<Index>(), {}, card.step};
+    DeckGravity g{f.place(),
+                  f.has(0) ? target_.elements(card, f) : std::vector<Index>(),
+                  {},
+                  card.step,
+                  upper(f.text(0)),
+                  lookup_.homes(card.scope)};
     for (std::size_t d = 0; d < 3; ++d) g.acceleration[d] = value * direction[d];
     // A step replaces what the ones before say of the same elements.
-    std::erase_if(deck_.gravity,
-                  [&](const DeckGravity& old) { return old.step != card.step && old.elements == g.elements; });
+    std::erase_if(deck_.gravity, [&](const DeckGravity& old) {
+      const bool same = old.set == g.set || (!g.elements.empty() && old.elements == g.elements);
+      return old.step != card.step && same;
+    });
     deck_.gravity.push_back(std::move(g));
   }
 
@@ -341,6 +357,7 @@ class InpDeckReader {
   const InpLookup& lookup_;
   Deck& deck_;
   int wanted_ = 0;
+  bool large_before_ = false;  // a step before the wanted one has large displacements
   std::map<std::string, int> curves_;
   std::map<std::string, std::string> refused_curves_;
   std::set<std::string> news_;  // keywords whose OP=NEW this step has seen

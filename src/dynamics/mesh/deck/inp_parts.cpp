@@ -81,10 +81,13 @@ class InpPartReader {
     const std::string set = upper(card.keyword.need(LineReader(card.place.file, ""), "ELSET"));
     const std::vector<std::string> homes = target_.lookup().homes(card.scope);
     for (Single& single : singles_)
-      if (single.set == set || std::any_of(homes.begin(), homes.end(), [&](const std::string& home) {
-            return target_.lookup().in_element_set(single.label, set, home);
-          }))
-        take(single);
+      if (is_in(single, set, homes)) take(single);
+  }
+  /// @param set  upper case
+  [[nodiscard]] bool is_in(const Single& single, const std::string& set, const std::vector<std::string>& homes) const {
+    return single.set == set || std::any_of(homes.begin(), homes.end(), [&](const std::string& home) {
+             return target_.lookup().in_element_set(single.label, set, home);
+           });
   }
 
   /// Whether a parameter that changes the meaning is given.
@@ -145,7 +148,11 @@ class InpPartReader {
     of_set(card, [&](Single& single) {
       if (single.type != "MASS") return;
       single.stated = true;
-      deck_.masses.push_back({single.fields.place(), target_.node(*single.card, single.fields, 1), value, Point{}, {}});
+      DeckMass out{single.fields.place(), target_.node(*single.card, single.fields, 1), value, {}, {}};
+      for (const DeckGravity& g : deck_.gravity)
+        if (g.set.empty() || is_in(single, g.set, g.homes))
+          for (std::size_t d = 0; d < 3; ++d) out.gravity[d] += g.acceleration[d];
+      deck_.masses.push_back(out);
     });
   }
 

@@ -53,8 +53,9 @@ NastranControl read_nastran_control(std::string_view content, const std::string&
       if (word == "SPC") now.spc = set_number(place, word, rest);
       if (word == "MPC") now.mpc = set_number(place, word, rest);
       if (word == "METHOD") now.method = set_number(place, word, rest);
-      for (const char* other : {"TEMPERATURE", "TEMP", "DLOAD", "DEFORM", "NLPARM", "BCSET", "BCONTACT", "TRIM",
-                                "SUPORT1", "CMETHOD", "TSTEP", "FREQUENCY", "K2GG", "M2GG", "K2PP", "M2PP"})
+      for (const char* other :
+           {"TEMPERATURE", "TEMP", "DLOAD", "DEFORM", "NLPARM", "BCSET", "BCONTACT", "TRIM", "SUPORT1", "CMETHOD",
+            "TSTEP", "FREQUENCY", "K2GG", "M2GG", "K2PP", "M2PP", "STATSUB", "P2G", "LOADSET"})
         if (word == other) now.left.emplace_back(word);
     }
   }
@@ -65,6 +66,12 @@ NastranControl read_nastran_control(std::string_view content, const std::string&
     cases.clear();
   }
   if (cases.empty()) cases.push_back(all);
+  const auto stressed = [](const NastranCase& c) {
+    return std::find(c.left.begin(), c.left.end(), "STATSUB") != c.left.end();
+  };
+  if (std::any_of(cases.begin(), cases.end(), stressed))  // another subcase is what stresses this one
+    for (NastranCase& c : cases)
+      if (!stressed(c)) c.left.emplace_back("STATSUB");
   if (cases.front().place.line == 0) cases.front().place = {name, std::max<std::int64_t>(1, control.place.line)};
   control.cases = std::move(cases);
   return control;

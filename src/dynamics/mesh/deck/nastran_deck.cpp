@@ -16,9 +16,9 @@ namespace {
 /// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
 bool is_harmless_card(const std::string& name) {
   static constexpr std::string_view kHarmless[] = {
-      "PARAM", "PSHELL", "PCOMP",   "PBAR",    "PBARL",   "PBEAM",  "PROD",   "PELAS", "PDAMP",  "PBUSH",
-      "EIGRL", "EIGR",   "SET1",    "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "MAT9",  "EPOINT", "ASET",
-      "ASET1", "USET",   "MONPNT1", "AECOMP",  "AELIST",  "AEFACT", "AESTAT", "SPOINT"};
+      "PSHELL", "PCOMP", "PBAR", "PBARL",   "PBEAM",   "PROD",   "PELAS",  "PDAMP",  "PBUSH",
+      "EIGRL",  "EIGR",  "SET1", "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "MAT9",   "EPOINT",
+      "ASET",   "ASET1", "USET", "MONPNT1", "AECOMP",  "AELIST", "AEFACT", "AESTAT", "SPOINT"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
 }
 
@@ -64,6 +64,9 @@ class NastranDeckReader {
     }
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
     if (case_.load) read_nastran_loads(cards_, *case_.load, case_.place, systems_, deck_);
+    for (DeckMass& mass : deck_.masses)
+      for (const DeckGravity& g : deck_.gravity)
+        for (std::size_t d = 0; d < 3; ++d) mass.gravity[d] += g.acceleration[d];
   }
 
  private:
@@ -115,6 +118,8 @@ class NastranDeckReader {
       step.modes = static_cast<int>(
           std::clamp<std::int64_t>(card.integer(card.name == "EIGRL" ? 3 : 5, "number of modes", 0), 0, 100000));
       if (step.modes < 1) card.fail("states no number of modes (ND)");
+      if (card.real(card.name == "EIGRL" ? 1 : 2, "lowest frequency", 0) > 0)
+        leave(DeckKind::step, fmt::format("{} above a lowest frequency", card.name), place_of(card));
     } else {
       leave(DeckKind::step, fmt::format("SOL {}", s), control_.place);
     }
@@ -138,6 +143,7 @@ class NastranDeckReader {
     if (n == "CONM2") return mass(card);
     if (n == "RBE2") return rigid(card);
     if (n == "RBE3") return mean(card);
+    if (n == "PARAM") return parameter(card);
     static constexpr std::string_view kElsewhere[] = {"SPC",    "SPC1", "SPCADD", "MPC",  "MPCADD", "FORCE",
                                                       "MOMENT", "LOAD", "PLOAD4", "GRAV", "GRDSET", "GRID"};
     if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
@@ -298,6 +304,14 @@ class NastranDeckReader {
     for (std::size_t k = 0; k < 6; ++k)
       out.inertia[k] = (k < 3 ? 1 : -1) * card.real(kPlaces[k], "moment of inertia", 0);
     deck_.masses.push_back(out);
+  }
+
+  /// Most parameters say what is printed, or how it is solved.
+  void parameter(const NastranCard& card) {
+    const std::string name = upper(card.field(0));
+    if (name == "WTMASS" && card.real(1, "value") != 1)
+      leave(DeckKind::others, "PARAM WTMASS (state masses and densities in units of mass)", place_of(card));
+    if (name == "INREL" && card.integer(1, "value") != 0) leave(DeckKind::others, "PARAM INREL", place_of(card));
   }
 
   void rigid(const NastranCard& card) {

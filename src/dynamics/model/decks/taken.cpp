@@ -89,6 +89,14 @@ void Taker::notices() {
   count(DeckKind::equations, deck_.equations.size(), "equations");
   count(DeckKind::ties, deck_.ties.size(), "ties");
   if (!list.empty()) out_.notices.push_back(fmt::format("{}: not taken: {}", deck_.mesh.name, list));
+  for (const DeckCoupling& c : deck_.couplings) {
+    const auto second = [&](const MeshFace& face) { return deck_.mesh.face_nodes(face).size() > 4; };
+    if (!c.rigid && choice_.takes(DeckKind::couplings) && std::any_of(c.faces.begin(), c.faces.end(), second))
+      out_.notices.push_back(fmt::format(
+          "{}:{}: the distributing coupling gives corners and mid-side nodes of a face equal parts; CalculiX gives "
+          "them those of an even pressure. Force and moment are the same, displacements of the face itself are not",
+          c.place.file, c.place.line));
+  }
   if (turned_ > 0)
     out_.notices.push_back(fmt::format(
         "{}: {} rotations of nodes of solids are held in the deck; such nodes do not turn", deck_.mesh.name, turned_));

@@ -78,6 +78,8 @@ class Taker {
   void add_force(const ValueMaker& m, const std::string& entry, Value a, const Point& force, const Point& moment,
                  int curve);
   void pressures();
+  /// Whether the gravity of the deck acts.
+  [[nodiscard]] bool weighs() const;
   void gravity();
   void springs(const std::vector<DeckSpring>& list, const char* what);
   [[nodiscard]] bool is_ground(Index node) const { return role(node) == NodeRole::alone && grounded_.contains(node); }

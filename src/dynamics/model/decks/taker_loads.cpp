@@ -98,13 +98,18 @@ void Taker::pressures() {
   }
 }
 
+bool Taker::weighs() const {
+  return choice_.takes(DeckKind::gravity) &&
+         !(deck_.step.kind == DeckStep::Kind::modes && choice_.takes(DeckKind::step));
+}
+
 void Taker::gravity() {
-  if (deck_.gravity.empty() || (deck_.step.kind == DeckStep::Kind::modes && choice_.takes(DeckKind::step))) return;
+  if (deck_.gravity.empty() || !weighs()) return;
   // Solids on which it acts; it must be all of them.
   std::vector<Point> at_element(static_cast<std::size_t>(deck_.mesh.element_count()));
   for (const DeckGravity& g : deck_.gravity) {
     std::vector<Index> elements = g.elements;
-    if (elements.empty())
+    if (g.set.empty())
       for (Index e = 0; e < deck_.mesh.element_count(); ++e) elements.push_back(e);
     for (const Index e : elements)
       for (std::size_t d = 0; d < 3; ++d) at_element[static_cast<std::size_t>(e)][d] += g.acceleration[d];

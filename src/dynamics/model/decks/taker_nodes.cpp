@@ -112,6 +112,7 @@ void Taker::masses() {
                                  name(mass.node)));
     Value body = m.table(
         {{"type", m.text(rigid ? "rigid" : "point")}, {"mass", m.number(mass.mass)}, {"position", m.vector(place)}});
+    if (weighs() && mass.gravity != Point{}) body.entries.emplace_back("gravity", m.vector(mass.gravity));
     if (rigid) {
       const auto& i = mass.inertia;
       body.entries.emplace_back("inertia", m.list({m.vector({i[0], i[3], i[4]}), m.vector({i[3], i[1], i[5]}),
@@ -128,6 +129,10 @@ void Taker::masses() {
 }
 
 void Taker::hold_mass(Index node, const Held& held) {
+  if (deck_.axes.contains(node) && held.any(0, 3))
+    dynamics::fail((*std::find_if(held.by.begin(), held.by.end(), [](const auto* h) { return h != nullptr; }))->place,
+                   fmt::format("the mass of node {} is held along axes of its own (*TRANSFORM, CD), which is not taken",
+                               name(node)));
   for (std::size_t d = 0; d < 3; ++d)
     if (held.by[d] != nullptr) add_prescribed(node, *held.by[d], d);
 }

@@ -184,8 +184,7 @@ void Taker::add_prescribed(Index node, const DeckHold& h, std::size_t d) {
                {"a", m.text("ground")},
                {"b", frame(m, node)},
                {"direction", m.text(std::string(1, "xyz"[d]))},
-               {"from", m.text("initial")},
-               {"motion", m.text(motion_of(h))}}));
+               {"motion", m.text(fmt::format("{} + ({})", at(node)[d], motion_of(h)))}}));
   outputs_.push_back(entry + ".force");
 }
 

@@ -11,9 +11,11 @@
 #include "base/output_file.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/expand.hpp"
 #include "dynamics/model/fmu/instant.hpp"
 #include "dynamics/model/fmu/library.hpp"
+#include "dynamics/model/robots/robots.hpp"
 #include "espalier/fmu.hpp"
 #include "fmi/contents.hpp"
 #include "fmi/describe.hpp"
@@ -259,7 +261,11 @@ Status guarded_export(const Action& action) {
 FmuResult export_fmu(const std::string& model, const std::string& path, const FmuOptions& options) {
   FmuResult result;
   std::string text;
-  result.status = guarded_export([&] { text = dynamics::read_whole_file(model); });
+  result.status = guarded_export([&] {
+    text = dynamics::model::robots::is_robot_file(model)
+               ? dynamics::model::robots::robot_as_model(dynamics::read_whole_file(model), model).text
+               : dynamics::model::read_model_text(model);
+  });
   return result.status.ok() ? export_fmu_of_text(text, model, path, options) : result;
 }
 
