@@ -297,6 +297,24 @@ TEST(PointOnCurve, EndsAreStopsOrPassedOrLeft) {
   EXPECT_NEAR(left.value("bead.position.z"), -1.5 - 0.6 * v * fall - 5 * fall * fall, 1e-5);
 }
 
+TEST(PointOnCurve, LeavesALoopInMidRun) {
+  // Up a circle of radius 1 from below with v^2 = 40: off at the height of the centre, with 20 upwards; it then falls
+  // through the middle of what it has left.
+  const Simulation s = simulated(
+      "gravity = [-1, 0, -10]\n[bodies.bead]\ntype = \"point\"\nmass = 2\nposition = [0, 0, -1]\nvelocity = [" +
+      fmt::format("{:.17g}", std::sqrt(40)) +
+      ", 0, 0]\n[joints.wire]\ntype = \"point-on-curve\"\na = { body = \"ground\" }\nb = { body = \"bead\" }\nclosed = "
+      "true\npoints = " +
+      circle(1, 120) +
+      "\n[events.off]\nwhen = \"bead.position.z > 0\"\noff = [\"wire\"]\nonce = "
+      "true\n" +
+      kFine + "end = 2.5\n[output]\nquantities = [\"wire.displacement\"]\n");
+  ASSERT_EQ(s.summary().events.size(), 1U);
+  const double fall = 2.5 - s.summary().events[0].t, v = std::sqrt(40 - 2 * 10 - 2);
+  EXPECT_NEAR(s.value("bead.position.x"), 1 - fall * fall / 2, 1e-4);
+  EXPECT_NEAR(s.value("bead.position.z"), v * fall - 5 * fall * fall, 1e-4);
+}
+
 TEST(PointOnCurve, RubsAndIsLed) {
   const std::string model =
       "gravity = [0, 0, -10]\n[bodies.bead]\ntype = \"point\"\nmass = 2\n[joints.wire]\ntype = \"point-on-curve\"\na = "

@@ -232,6 +232,31 @@ TEST(JointsEverywhere, RedundantOnesAreNamedAndCoupledOnesSwitched) {
   EXPECT_NEAR(gears.value("two.angular_speed"), -speed / 2, 1e-6);
 }
 
+TEST(JointsEverywhere, FlexibleBodiesAreHeldWhereTheyAre) {
+  // A curve and a surface on the edge of a plate, 0.01 beside the bead: the frame of the plate moves, not the plate.
+  const std::string plate =
+      "gravity = [0, 0, -10]\n[bodies.plate]\ntype = \"shell\"\nx = [1, 0, 0]\ny = [0, 1, 0]\nnx = 2\nny = "
+      "2\nthickness = "
+      "0.02\nmaterial = { young = 1e8, density = 500 }\n[supports]\nclamp = { body = \"plate\", edge = \"x0\", hold = "
+      "\"all\" "
+      "}\n[bodies.bead]\ntype = \"point\"\nmass = 2\nposition = [1, 0.5, 0]\n[joints.j]\na = { body = \"plate\", edge "
+      "= "
+      "\"x1\", attach = \"mean\" }\nb = { body = \"bead\" }\n";
+  for (const std::string joint :
+       {"type = \"point-on-curve\"\nends = \"straight\"\npoints = [[0, -0.5, 0], [0, 0, 0.01], [0, 0.5, 0]]\n",
+        "type = \"point-on-surface\"\nshape = \"heights\"\nx = [-1, 1]\ny = [-1, 1]\nheights = [[0.01, 0.01], [0.01, "
+        "0.01]]\n"}) {
+    const Simulation s = simulated(plate + joint + "[integrator]\nend = 1e-3\n");
+    std::string notices;
+    for (const std::string& notice : s.summary().notices) notices += notice;
+    EXPECT_NE(notices.find("holds the edge of 'plate' where it is; the frames of the joint were 0.01 apart"),
+              std::string::npos)
+        << notices;
+    EXPECT_NEAR(s.value("bead.position.z"), 0, 1e-4);
+    EXPECT_LT(s.summary().energy_begin.kinetic + std::abs(s.summary().energy_begin.potential), 1e-6);
+  }
+}
+
 TEST(JointsEverywhere, PageShowsThem) {
   const ScratchFolder folder;
   SimulationOptions options;

@@ -200,10 +200,10 @@ struct Foot {
   Vec3 off, slope;  // p - c, du/dp
   Mat3 bend;        // d2u/dp2
   Foot(const CurveFollower& follower, const Vec3& p) : u(follower.foot(p)), c(follower.curve().at(u)), off(p - c.x) {
-    const double denominator = c.d1.squaredNorm() - off.dot(c.d2);
-    if (!(denominator > 1e-6 * c.d1.squaredNorm()))
-      throw Error(StatusCode::singular,
-                  "a point has come so far off its curve that the curve has no nearest place to it any more");
+    // As far off as its radius of curvature no place of the curve is the nearest any more. There only joints come that
+    // are switched off, and searches for a start: they get finite numbers.
+    constexpr double kLeast = 1e-3;
+    const double square = c.d1.squaredNorm(), denominator = std::max(square - off.dot(c.d2), kLeast * square);
     slope = c.d1 / denominator;
     bend = (c.d2 * slope.transpose() + slope * c.d2.transpose() -
             (3 * c.d1.dot(c.d2) - off.dot(c.d3)) * slope * slope.transpose()) /
@@ -228,7 +228,7 @@ class BesideCurve final : public PointFunction {
 
  private:
   [[nodiscard]] SplinePoint direction(const Foot& f) const {
-    const SplinePoint m = follower_->curve().normal(f.u);
+    SplinePoint m = follower_->curve().normal(f.u);
     if (!second_) return m;
     SplinePoint n;
     n.x = m.x.cross(f.c.d1);
