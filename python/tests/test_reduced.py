@@ -113,6 +113,7 @@ def test_a_node_has_three_components_and_holes_in_holding_are_modes():
     (dict(interfaces=[]), "needs an interface"),
     (dict(interfaces=["hub"], modes=-1), "modes"),
     (dict(interfaces=["mid"], modes=0), "keep a mode at least"),
+    (dict(interfaces=["hub"], first_node=10**9), "between 1 and 90000000"),
 ])
 def test_what_does_not_fit_is_refused(change, message):
     with pytest.raises((ValueError, espalier.Error), match=message):

@@ -58,7 +58,7 @@ std::vector<NamedFrame> wanted_frames(const Description& model, const BodySpec& 
     marker.reference = name;
     marker.place = {model.file, 0, "interfaces"};
     settle_frame_names(lookup);
-    const MarkerSpec resolved = frames.resolve(marker);
+    const MarkerSpec& resolved = frames.resolve(marker);
     if (resolved.body != body.name)
       refuse_reduction(fmt::format("the interface '{}' is on '{}', not on '{}'", name, resolved.body, body.name));
     out.push_back({name, resolved});
@@ -124,7 +124,7 @@ void fill_places(const FlexibleBody& body, const BuiltBody& built, ReducedMatric
   }
 }
 
-void fill(Description model, const ReducedMatricesOptions& what, const Options& solver, ReducedMatrices& out) {
+void fill(const Description& model, const ReducedMatricesOptions& what, const Options& solver, ReducedMatrices& out) {
   const BodySpec body = flexible_body(model, what.body);
   Mechanism none(1);  // names need no bodies
   const FrameBuilder names(model, none);
@@ -202,7 +202,9 @@ ReducedMatrices reduced_matrices_of_text(const std::string& text, const std::str
   using namespace dynamics::model;
   ReducedMatrices result;
   try {
-    if (what.first_node < 1) refuse_reduction("the number of the first node must be above 0");
+    constexpr std::int64_t kMostNode = 90'000'000;  // Nastran's numbers have eight digits
+    if (what.first_node < 1 || what.first_node > kMostNode)
+      refuse_reduction(fmt::format("the number of the first node must lie between 1 and {}", kMostNode));
     Value root = parse_toml(text, name);
     expand(root, options.set);
     if (root.find("integrator") == nullptr && root.find("statics") == nullptr)  // nothing is run
