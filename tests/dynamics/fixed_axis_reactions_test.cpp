@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include "dynamics/dae/frame.hpp"
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
