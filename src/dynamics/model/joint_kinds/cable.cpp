@@ -30,6 +30,6 @@ std::unique_ptr<CableForce> make_cable_force(const ForceSpec& f, const FrameBuil
 }
 
 const JointKind kCable = {
-    .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false, .couples = true};
+    .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false};
 
 }  // namespace espalier::dynamics::model
