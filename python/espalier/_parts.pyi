@@ -1570,7 +1570,8 @@ class Parts:
         through: table, needed. the frames: where it begins, the rings, where it ends
         stiffness: number > 0 [force/length], needed. force for the stretch of the whole, E A / length
         damping: number [force time/length], default 0. force for the rate of the stretch
-        length: number, or "initial" [length]. of all
+        length: number, or "initial" [length]. of all; "initial": as it is at the start, or where an event switches it
+            on
         friction: number, default 0. coefficient in the rings: over one in which the rope turns by theta the pull
             grows by exp(friction theta) the way that it slips (Eytelwein)
         slip_speed: number > 0 [length/time], default 1. where friction is 76 % developed

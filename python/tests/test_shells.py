@@ -351,3 +351,62 @@ def test_shells_of_other_files_and_pieces(tmp_path):
                              "statics": {"linear": True}}).run()
     assert any("falls into 2 pieces" in note for note in result.summary["notices"])
     assert not any("SHELL" in note for note in result.summary["notices"])
+
+
+def weight(body, sets):
+    """What supports at the sets carry of the weight, each."""
+    model = espalier.Model({"gravity": [0, 0, -10], "bodies": {"s": body},
+                            "supports": {f"w{k}": {"body": "s", "nodes": name, "hold": "all"} for k, name in enumerate(sets)},
+                            "statics": {"linear": True}, "output": {"quantities": [f"w{k}.force.z" for k in range(len(sets))]}})
+    values = model.run().summary["values"]
+    return [values[f"w{k}.force.z"] for k in range(len(sets))]
+
+
+def test_parts_whose_sets_have_one_name_keep_their_thickness(tmp_path):
+    part = ("*PART, NAME={0}\n*NODE\n1,0,0,0\n2,0.5,0,0\n3,0.5,0.1,0\n4,0,0.1,0\n*ELEMENT,TYPE=S4,ELSET=ALL\n1,1,2,3,4\n"
+            "*NSET,NSET=ROOT\n1,4\n*SHELL SECTION, ELSET=ALL, MATERIAL=STEEL\n{1}\n*END PART\n")
+    path = tmp_path / "two.inp"
+    path.write_text(part.format("A", 0.01) + part.format("B", 0.02) + "*ASSEMBLY, NAME=X\n*INSTANCE, NAME=A-1, PART=A\n*END INSTANCE\n"
+                    "*INSTANCE, NAME=B-1, PART=B\n1,0,0\n*END INSTANCE\n*END ASSEMBLY\n"
+                    f"*MATERIAL, NAME=STEEL\n*ELASTIC\n{YOUNG},0\n*DENSITY\n{DENSITY}\n")
+    own = [DENSITY * 10 * 0.05 * t for t in (0.01, 0.02)]
+    assert weight(of_file(str(path)), ["A-1.ROOT", "B-1.ROOT"]) == pytest.approx(own, rel=1e-6)
+
+
+@pytest.mark.parametrize("parameters, section, message", [
+    (",COMPOSITE", "0.005,3,STEEL,0", "COMPOSITE is not read"), (",NODAL THICKNESS", "0.01", "NODALTHICKNESS is not read")])
+def test_sections_that_say_more_are_refused_and_the_text_may_say_all(tmp_path, parameters, section, message):
+    nodes, quads = grid(2, 1)
+    path = deck(tmp_path / "s.inp", nodes, {"S4": quads}, section, parameters, ends(nodes))
+    with pytest.raises(espalier.Error, match=message):
+        weight(of_file(path, thickness=0.01), ["ROOT"])
+    whole = of_file(path, thickness=0.01, material=MATERIAL, offset=0)
+    assert weight(whole, ["ROOT"]) == pytest.approx([DENSITY * 10 * 0.2 * 0.01], rel=1e-6)
+
+
+@pytest.mark.parametrize("more, shell, message", [
+    ("", "3", None), ("", "", "no MID2"), ("", "4", "MID2"), ("", "3,4.", "12I"), ("", "3,,,,0.5", "NSM"),
+    (",,,,,0.02,0.02,0.02,0.02", "3", "T1 to T4")])
+def test_what_nastran_says_beside_the_thickness_is_not_dropped(tmp_path, more, shell, message):
+    nodes, quads = grid(2, 1)
+    lines = [f"GRID,{k},,{x!r},{y!r},{z!r}" for k, (x, y, z) in nodes.items()]
+    lines += [f"CQUAD4,{k + 1},7,{a},{b},{c},{d},," + (",\n" + more if more else "") for k, (a, b, c, d) in enumerate(quads)]
+    lines += [f"PSHELL,7,3,0.01,{shell}", f"MAT1,3,{YOUNG},,0.,{DENSITY}", f"MAT1,4,{YOUNG},,0.,{DENSITY}", "SPC,1,1,123,0.", "SPC,1,4,123,0."]
+    path = tmp_path / "s.bdf"
+    path.write_text("BEGIN BULK\n" + "\n".join(lines) + "\nENDDATA\n")
+    model = espalier.Model({"bodies": {"s": of_file(str(path))}, "supports": {"w": {"body": "s", "nodes": "SPC-1", "hold": "all"}},
+                            "statics": {"linear": True}})
+    if message in (None, "no MID2"):
+        assert [n for n in model.run().summary["notices"] if "MID2" in n] == ([] if message is None else [
+            "s: property-7 has no MID2, which makes a membrane of it in Nastran: here it bends as well"])
+    else:
+        with pytest.raises(espalier.Error, match=message):
+            model.run()
+
+
+def test_an_offset_along_normals_of_both_sides_is_refused(tmp_path):
+    nodes, quads = grid(6, 2)
+    path = deck(tmp_path / "s.inp", nodes, {"S4": [q if k % 3 else q[::-1] for k, q in enumerate(quads)]}, parameters=",OFFSET=SNEG", sets=ends(nodes))
+    with pytest.raises(espalier.Error, match="along the normal of each element"):
+        weight(of_file(path), ["ROOT"])
+    assert weight(of_file(path, offset=0.005), ["ROOT"]) == pytest.approx([DENSITY * 10 * 0.2 * 0.01], rel=1e-6)

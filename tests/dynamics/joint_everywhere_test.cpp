@@ -232,6 +232,27 @@ TEST(JointsEverywhere, RedundantOnesAreNamedAndCoupledOnesSwitched) {
   EXPECT_NEAR(gears.value("two.angular_speed"), -speed / 2, 1e-6);
 }
 
+TEST(JointsEverywhere, ACableThatIsSwitchedOnHasTheLengthGiven) {
+  const auto message = [](const std::string& length) {
+    Simulation s;
+    Status status = s.load_text(
+        "gravity = [0, 0, -10]\n[bodies]\nheavy = { type = \"point\", mass = 5, position = [0, 0, -1] }\nlight = { "
+        "type = "
+        "\"point\", mass = 3, position = [0.5, 0, -1] }\n[joints.rope]\ntype = \"cable\"\nactive = false\nthrough = "
+        "[\"heavy\", { body = \"ground\" }, { body = \"ground\", point = [0.5, 0, 0] }, \"light\"]\nlength = " +
+            length + "\n[events.engage]\nwhen = \"t > 0.1\"\non = [\"rope\"]\nonce = true\n[integrator]\nend = 0.2\n",
+        "model.toml");
+    if (status.ok()) status = s.run();
+    if (status.ok()) {
+      EXPECT_NEAR(s.value("heavy.position.z") + s.value("light.position.z"), -2.1, 1e-6);
+    }
+    return status.message;
+  };
+  EXPECT_EQ(message("\"initial\""), "");  // both have fallen by 0.05
+  EXPECT_EQ(message("2.6"), "");
+  EXPECT_NE(message("2.7").find("contradict the constraints"), std::string::npos);
+}
+
 TEST(JointsEverywhere, FlexibleBodiesAreHeldWhereTheyAre) {
   // A curve and a surface on the edge of a plate, 0.01 beside the bead: the frame of the plate moves, not the plate.
   const std::string plate =

@@ -176,6 +176,7 @@ class BdfIntegrator final : public Integrator {
   void solve_normal();
   void add_normal_part(ConstSpan violation, MotionVector change);
   void iterate_reduced(StepReport& report);
+  [[nodiscard]] bool multipliers_settle(const StepReport& report);
   [[nodiscard]] double rounding_of_change();
   [[nodiscard]] double allowed_change();
   [[nodiscard]] bool step_is_held() const;

@@ -174,7 +174,7 @@ class ShellMesher {
   /// Neighbours run along a common edge in opposite directions.
   void orient() {
     std::vector<char> known(quads_.size(), 0);
-    std::size_t turned = 0;
+    std::size_t& turned = out_.turned;
     for (std::size_t first = 0; first < quads_.size(); ++first) {
       if (known[first] != 0) continue;
       known[first] = 1;

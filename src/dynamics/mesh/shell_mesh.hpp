@@ -15,6 +15,7 @@ struct ShellMesh {
   Mesh mesh;                                ///< quad4 alone; the node set "boundary": nodes on free edges
   std::vector<Point> positions, directors;  ///< of each node; |d| = thickness there, across its faces, over `thickness`
   double thickness = 0;                     ///< the mean of the elements'
+  std::size_t turned = 0;                   ///< quadrilaterals whose normal was turned to the side of the others
   std::vector<std::string> notices;
 };
 

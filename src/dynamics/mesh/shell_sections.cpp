@@ -27,27 +27,41 @@ double inp_offset(const LineReader& reader, const InpKeyword& keyword) {
   return 0.0 - value;
 }
 
+constexpr const char* kInstead = "give the body's 'thickness', 'material' and 'offset' in the model instead";
+
 std::vector<ShellSection> inp_sections(const std::string& path) {
   LineReader reader(path, read_whole_file(path));
   std::vector<ShellSection> out;
+  std::vector<std::string> parts;  // of each section
+  std::string part;
+  std::multimap<std::string, std::string> instances;  // of parts
   std::string_view line;
   while (reader.next(line)) {
     const std::string_view text = trim(line);
     if (is_inp_comment(line) || !text.starts_with('*')) continue;
     const InpKeyword keyword = read_inp_keyword(reader, line);
+    if (keyword.name == "*PART") part = upper(keyword.get("NAME"));
+    if (keyword.name == "*ENDPART") part.clear();
+    if (keyword.name == "*INSTANCE") instances.emplace(upper(keyword.get("PART")), keyword.get("NAME"));
     if (keyword.name != "*SHELLSECTION") continue;
-    if (keyword.has("COMPOSITE"))
-      reader.fail(
-          "*SHELL SECTION, COMPOSITE: layers are not read; give the body's 'thickness' and 'material' in the model");
     ShellSection section{keyword.need(reader, "ELSET"), keyword.get("MATERIAL"), 0, inp_offset(reader, keyword)};
+    for (const char* other : {"COMPOSITE", "NODALTHICKNESS"})
+      if (keyword.has(other))
+        section.fault = fmt::format("{}:{}: *SHELL SECTION, {} is not read; {}", path, reader.line(), other, kInstead);
     std::string_view data;
-    if (next_inp_data(reader, data)) {
+    if (section.fault.empty() && next_inp_data(reader, data)) {
       Fields fields(reader, data, ',');
       section.thickness = fields.real("thickness");
     }
-    if (!(section.thickness > 0)) reader.fail("*SHELL SECTION needs a thickness above 0");
+    if (section.fault.empty() && !(section.thickness > 0)) reader.fail("*SHELL SECTION needs a thickness above 0");
     out.push_back(std::move(section));
+    parts.push_back(part);
   }
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    for (auto [it, end] = instances.equal_range(parts[k]); it != end; ++it) {
+      out.push_back(out[k]);
+      out.back().set = it->second + "." + out[k].set;
+    }
   return out;
 }
 
@@ -56,11 +70,26 @@ bool is_shell_card(const std::string& name) {
          name == "CTRIAR";
 }
 
+/// What a PSHELL says beside thickness and material.
+void read_rest_of_pshell(const NastranCard& card, ShellSection& s) {
+  const auto other = [&](const std::string& what) {
+    s.fault = fmt::format("{}:{}: PSHELL: {} is not read; {}", card.path, card.line, what, kInstead);
+  };
+  if (card.field(3).empty())
+    s.notice = fmt::format("{} has no MID2, which makes a membrane of it in Nastran: here it bends as well", s.set);
+  else if (card.field(3) != card.field(1))
+    other("a material of bending (MID2) that is another than MID1");
+  if (card.real(4, "12I/T**3", 1) != 1) other("a bending stiffness other than that of the thickness (12I/T**3)");
+  if (card.real(7, "NSM", 0) != 0) other("mass beside that of the material (NSM)");
+  if (!card.field(10).empty()) other("coupling of membrane and bending (MID4)");
+}
+
 std::vector<ShellSection> nastran_sections(const std::string& path) {
   NastranCards cards(read_whole_file(path), path);
   NastranCard card;
   std::map<std::int64_t, ShellSection> properties;
-  std::map<std::int64_t, double> offsets;  // of the elements of a property: a length
+  std::map<std::int64_t, double> offsets;      // of the elements of a property: a length
+  std::map<std::int64_t, std::string> faults;  // of elements, by property
   while (cards.next(card)) {
     if (card.name == "PSHELL") {
       const std::int64_t number = card.integer(0, "number");
@@ -68,6 +97,7 @@ std::vector<ShellSection> nastran_sections(const std::string& path) {
       s.set = fmt::format("property-{}", number);
       if (!card.field(1).empty()) s.material = fmt::format("MAT1-{}", card.integer(1, "material"));
       s.thickness = card.real(2, "thickness", 0);
+      read_rest_of_pshell(card, s);
     }
     if (!is_shell_card(card.name)) continue;
     const std::size_t at = card.name == "CQUAD4" || card.name == "CQUADR"   ? 7
@@ -76,6 +106,10 @@ std::vector<ShellSection> nastran_sections(const std::string& path) {
                                                                             : 9;
     const double offset = card.real(at, "ZOFFS", 0);
     const std::int64_t number = card.integer(1, "property", card.integer(0, "number"));
+    for (const std::size_t k : {10, 11, 12, 13})
+      if (!card.field(k).empty())
+        faults.emplace(number, fmt::format("{}:{}: {}: thicknesses at its nodes (T1 to T4) are not read; {}", card.path,
+                                           card.line, card.name, kInstead));
     const auto [known, fresh] = offsets.emplace(number, offset);
     if (!fresh && known->second != offset)
       card.fail(
@@ -87,6 +121,7 @@ std::vector<ShellSection> nastran_sections(const std::string& path) {
   for (auto& [number, section] : properties) {
     if (const auto found = offsets.find(number); found != offsets.end() && section.thickness > 0)
       section.offset = found->second / section.thickness;
+    if (const auto found = faults.find(number); found != faults.end()) section.fault = found->second;
     if (offsets.contains(number)) out.push_back(std::move(section));
   }
   return out;

@@ -13,10 +13,13 @@ struct ShellSection {
   std::string material;  ///< name; empty: none
   double thickness = 0;  ///< 0: the file does not say
   double offset = 0;     ///< from the nodes to the middle of the thickness, along the normal, over the thickness
+  std::string fault{};   ///< what the section says that is not read; with file and line
+  std::string notice{};  ///< what is read otherwise
 };
 
 /// *SHELL SECTION of .inp (thickness on the next line, OFFSET with SPOS and SNEG; not those of *INCLUDE), PSHELL with
-/// ZOFFS of the elements of .bdf, .dat, .nas; none of other files.
+/// ZOFFS of the elements of .bdf, .dat, .nas; none of other files. Where sets have the name of others, the last counts:
+/// those of a part's instances (INSTANCE.SET) stand behind all others.
 /// @throws Error(invalid_input) that names file and line
 [[nodiscard]] std::vector<ShellSection> read_shell_sections(const std::string& path);
 

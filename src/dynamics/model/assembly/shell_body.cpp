@@ -100,13 +100,24 @@ class Sections {
   Sections(const Mesh& mesh, const ShellSpec& s)
       : mesh_(mesh),
         spec_(s),
-        all_(read_shell_sections(s.file->path)),
+        all_(needed(s) ? read_shell_sections(s.file->path) : std::vector<ShellSection>()),
         of_(static_cast<std::size_t>(mesh.element_count()), -1) {
     for (std::size_t k = 0; k < all_.size(); ++k) {
       const auto found = find_named(mesh.element_sets, all_[k].set);
       if (found == mesh.element_sets.end()) continue;
       for (const Index e : found->second) of_[static_cast<std::size_t>(e)] = static_cast<int>(k);
     }
+    for (Index e = 0; e < mesh.element_count(); ++e)
+      if (const ShellSection* section = of(e); section != nullptr && !section->fault.empty())
+        throw Error(StatusCode::invalid_input, section->fault);
+  }
+
+  [[nodiscard]] std::vector<std::string> notices() const {
+    std::vector<std::string> out;
+    for (std::size_t k = 0; k < all_.size(); ++k)
+      if (!all_[k].notice.empty() && std::find(of_.begin(), of_.end(), static_cast<int>(k)) != of_.end())
+        out.push_back(all_[k].notice);
+    return out;
   }
 
   [[nodiscard]] std::vector<double> thickness() const {
@@ -168,6 +179,8 @@ class Sections {
   }
 
  private:
+  /// The text may say all that sections do.
+  static bool needed(const ShellSpec& s) { return s.material_of_file || !s.offset_given || !(s.thickness > 0); }
   [[nodiscard]] const ShellSection* of(Index e) const {
     const int k = of_[static_cast<std::size_t>(e)];
     return k < 0 ? nullptr : &all_[static_cast<std::size_t>(k)];
@@ -185,11 +198,19 @@ std::unique_ptr<FlexibleBody> make_of_file(const BodySpec& spec, ShellSpec& s, b
   if (s.material_of_file) s.material = sections.material(statics, out.spec.massless);
   const double mean = std::accumulate(thickness.begin(), thickness.end(), 0.0) / static_cast<double>(thickness.size());
   ShellMesh made = make_shell_mesh(surfaces, thickness, s.offset_given ? s.offset / mean : sections.offset());
+  if (made.turned > 0 && !s.offset_given && sections.offset() != 0)
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("the offset of the mesh file counts along the normal of each element, and those of {} of ours "
+                    "point to the other side than their neighbours': turn these elements round, or give "
+                    "'offset' in the model, which counts along the normal of the first element",
+                    made.turned));
   s.offset = (s.offset_given ? s.offset : sections.offset() * made.thickness);
   s.thickness = made.thickness;
   s.mesh = std::make_shared<const Mesh>(std::move(made.mesh));
   out.notices = surfaces.notices;
   out.notices.insert(out.notices.end(), made.notices.begin(), made.notices.end());
+  for (const std::string& notice : sections.notices()) out.notices.push_back(notice);
   if (const std::size_t pieces = s.mesh->pieces({}).size(); pieces > 1)
     out.notices.push_back(fmt::format(
         "the shell falls into {} pieces that share no node; where joints do not hold all of them, they move apart",

@@ -31,7 +31,7 @@ std::unique_ptr<CableForce> make_cable_force(const ForceSpec& f, const FrameBuil
 }
 
 const JointKind kCable = {
-    .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false, .couples = true};
+    .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false};
 
 CableForce* Mechanism::cable(const std::string& name) const {
   for (CableForce* c : cables)
