@@ -85,10 +85,10 @@ nlohmann::ordered_json number_json(std::complex<double> v) { return {{"real", v.
 
 // (A^-1)_ij where `shape` stores (i, j), as a matrix.
 template <class Value>
-InverseResult entries_at(SolverOf<Value>& solver, SparseMatrix shape, bool hermitian, MatrixOf<Value>& to) {
+InverseResult entries_at(SolverOf<Value>& solver, const SparseMatrix& shape, bool hermitian, MatrixOf<Value>& to) {
   to.rows = to.cols = shape.cols;
-  to.col_ptr = std::move(shape.col_ptr);
-  to.row_ind = std::move(shape.row_ind);
+  to.col_ptr = shape.col_ptr;
+  to.row_ind = shape.row_ind;
   to.storage = shape.storage;
   if (hermitian) to.storage = Storage::hermitian_lower;
   to.values.resize(to.row_ind.size());
@@ -162,7 +162,7 @@ int InverseCommand::run(const MatrixOf<Value>& a, const RunRecord& record, Progr
     if (status.ok()) progress.begin("inverse");
     if (!out_file.empty())
       take([&] {
-        const InverseResult r = entries_at<Value>(solver, std::move(shape), hermitian, entries);
+        const InverseResult r = entries_at<Value>(solver, shape, hermitian, entries);
         note("entries", r, fmt::format("{} entries", entries.values.size()));
       });
     if (!diagonal_file.empty() || (out_file.empty() && trace_file.empty()))

@@ -69,10 +69,10 @@ Status Simulation::load(const std::string& path) {
     return status.ok() ? load_text(text, path) : status;
   }
   dynamics::model::robots::RobotText robot;
-  const Status read =
+  Status read =
       impl_->guard([&] { robot = dynamics::model::robots::robot_as_model(dynamics::read_whole_file(path), path); });
   if (!read.ok()) return read;
-  const Status loaded = load_text(robot.text, path);
+  Status loaded = load_text(robot.text, path);
   std::vector<std::string>& notices = impl_->summary.notices;
   notices.insert(notices.begin(), robot.notices.begin(), robot.notices.end());
   return loaded;

@@ -115,7 +115,7 @@ double Taker::at_end(int curve) const {
 }
 
 std::string Taker::spline(int curve) {
-  const std::string entry = fmt::format("{}_amplitude_{}", body_, curve + 1);
+  std::string entry = fmt::format("{}_amplitude_{}", body_, curve + 1);
   if (!splines_.insert(entry).second) return entry;
   const ValueMaker m = maker({deck_.mesh.name, 0}, "splines", entry);
   std::vector<Value> points;

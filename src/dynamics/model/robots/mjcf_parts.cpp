@@ -56,7 +56,7 @@ class PartsReader {
   }
 
   std::string named_link(const Element& e, const char* key) const {
-    const std::string name = e.need(key);
+    std::string name = e.need(key);
     if (name == "world") return "";
     if (!links_.contains(name)) e.fail("there is no body '" + name + "'");
     return name;

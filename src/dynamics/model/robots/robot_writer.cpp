@@ -164,7 +164,7 @@ class RobotWriter {
 
   /// [forces.NAME] of a type between the frames of a joint.
   std::string begin_force(const std::string& wish, const std::string& suffix, const std::string& type, int k) {
-    const std::string name = names_.take(wish, suffix);
+    std::string name = names_.take(wish, suffix);
     out_ << "\n[forces." << name << "]\ntype = \"" << type << "\"\n";
     write_joint_frames(k);
     return name;
@@ -374,7 +374,10 @@ class RobotWriter {
     for (const Actuator& a : robot_.actuators) {
       if (a.tendon.empty() || a.tendon != t.name) continue;
       const std::string gear = number_text(a.gear[0]) + "*";
-      add(gear + force_text(a, "(" + gear + length + ")", "(" + gear + rate + ")", tree_.mass));
+      const auto geared = [&gear](const std::string& of) {
+        return std::string("(").append(gear).append(of).append(")");
+      };
+      add(gear + force_text(a, geared(length), geared(rate), tree_.mass));
     }
     return sum;
   }

@@ -65,8 +65,7 @@ std::string Names::take(const std::string& wish, const std::string& suffix) {
   name += suffix;
   if (!suffix.empty() && taken_.emplace(name, 1).second) return name;
   for (int& k = ++taken_[name];; ++k)
-    if (const std::string numbered = name + "_" + std::to_string(k); taken_.emplace(numbered, 1).second)
-      return numbered;
+    if (std::string numbered = name + "_" + std::to_string(k); taken_.emplace(numbered, 1).second) return numbered;
 }
 
 std::string in_expression(const std::string& name, const std::string& quantity) {
