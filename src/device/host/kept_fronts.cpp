@@ -103,6 +103,7 @@ bool entries_differ(const plan::Plan& plan, Index f, std::span<const T> values, 
   const Offset begin = plan.entry_ptr[at(plan.first_tile[at(f)])], end = plan.entry_ptr[at(plan.first_tile[at(f) + 1])];
   for (Offset k = begin; k < end; ++k) {
     const std::size_t source = at(plan.entries[at(k)].source());
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison): bits are what counts
     if (std::memcmp(&values[source], &before[source], sizeof(T)) != 0) return true;
   }
   return false;
