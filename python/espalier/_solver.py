@@ -162,7 +162,8 @@ class Solver(SelectedInverse, Inverse):
 
         Raises SingularMatrixError, NotPositiveDefiniteError, OutOfMemoryError, DeviceError, InvalidInputError (NaN, wrong
         sizes, values that are not symmetric any more: give the matrix again)."""
-        before = self.factor
+        partial = str(self._options.get("partial_refactorization", False)).lower() in ("true", "on", "yes", "1")
+        before = self.factor if partial else None  # which outlives values that are refused
         if isinstance(A, tuple) or hasattr(A, "tocsc") or _device.is_sparse_tensor(A):
             status, found = self._factorize_matrix(A, stream)
         else:
@@ -194,7 +195,7 @@ class Solver(SelectedInverse, Inverse):
 
     def _taken_factor(self, status: Any, found: Any, before: "Factor | None") -> Factor:
         if status[0]:
-            self.factor = before if self._core.state() == 2 else None  # values that were refused leave a factor
+            self.factor = before if self._core.state() == 2 else None
             raise _matrix_error(status, self._by_rows, self.analysis.kind if self.analysis else "")
         found = [*found[:-2], *(v.view("complex128") if v is not None and self._complex else v for v in found[-2:])]
         self.factor = Factor(found[0], found[1], Inertia(*found[2]), *found[3:])

@@ -40,6 +40,7 @@ GOOD = {
         **{t: [{**PAIR, "motion": 0}, {"a": "m", "b": "n", "motion": 0}] for t in ("rotation-motor", "translation-motor")},
         "prescribed": [{**PAIR, "motion": 0, "direction": "x"}, {"a": "m", "b": "n", "motion": 0, "direction": "x"}],
         "gear": [{**FRAMES, "ratio": 1}], "rack-and-pinion": [{**FRAMES, "radius": 1}],
+        "coupled-slides": [{**FRAMES, "ratio": 1}],
         **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("constant-velocity", "parallel-axes", "in-plane", "in-line", "rack-pair")},
         **{t: [{**PAIR, **more}, {"a": "m", "b": "n", **more}] for t, more in (
             ("screw", {"lead": 1}), ("gear-pair", {"teeth": [1, 2]}), ("worm", {"lead": 1, "radius": 1}))},
