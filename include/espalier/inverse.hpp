@@ -47,7 +47,8 @@ using ComplexTraceResult = TraceResultOf<std::complex<double>>;
 /// A factor of one process on the host: others are refused with status device_error (make the solver with device
 /// "cpu"). Status singular: A has no inverse; the message names a row. accuracy_not_reached: the entries are there, but
 /// not three digits of them are sure.
-/// @pre solver.state() == factorized, for all below. @throws std::logic_error; std::invalid_argument for wrong sizes
+/// @pre solver.state() == factorized, for all below.
+/// @throws std::logic_error without a factor, std::invalid_argument for wrong sizes
 ///
 /// x[q] = (A^-1)_ij for the entries q = (i, j) that the pattern stores, in its order; of A^-T or A^-H likewise. Values
 /// of the pattern are not read. Of a symmetric matrix give one triangle.
