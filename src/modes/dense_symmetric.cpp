@@ -104,7 +104,9 @@ class ShiftedPencil {
   /// rounding (infinite eigenvalues, those that are too far away) comes last.
   [[nodiscard]] Slice ordered(double shift, const VectorXd& theta, const MatrixXd& u, const VectorXd& known) const {
     const double norm = theta.cwiseAbs().maxCoeff();
-    const double nothing = 10 * kSymmetricEpsilon * static_cast<double>(n_) * norm;
+    // No eigenvalue is that much larger than the stiffnesses over their masses: it is an infinite one, of a constraint.
+    constexpr double kFar = 1e10;
+    const double nothing = std::max(10 * kSymmetricEpsilon * static_cast<double>(n_) * norm, 1 / (kFar * largest()));
     std::vector<Eigen::Index> seen;
     for (Eigen::Index i = 0; i < theta.size(); ++i)
       if (std::abs(theta[i]) > nothing) seen.push_back(i);

@@ -35,7 +35,55 @@ CALCULIX = {
 }
 
 
+# A bar of two elements, E A / L = 500, with a mass of 4000 on its rigid end, which slides along it.
+SLIDES = """*NODE
+1,0,0,0
+3,2,0,0
+*NGEN, NSET=EDGE
+1,3
+*NCOPY, CHANGE NUMBER=10, OLD SET=EDGE, NEW SET=SIDE, SHIFT
+0,1,0
+0,0,0, 0,0,1, 0
+*NSET, NSET=LOWER
+EDGE, SIDE
+*NCOPY, CHANGE NUMBER=20, OLD SET=LOWER, SHIFT
+0,0,1
+0,0,0, 0,0,1, 0
+*ELEMENT, TYPE=C3D8, ELSET=BAR
+1, 1,2,12,11, 21,22,32,31
+2, 2,3,13,12, 22,23,33,32
+*NSET, NSET=X0
+1,11,21,31
+*NSET, NSET=X2
+3,13,23,33
+*MATERIAL, NAME=M
+*ELASTIC
+1000., 0.
+*DENSITY
+2.
+*SOLID SECTION, ELSET=BAR, MATERIAL=M
+*NODE
+99,2,.5,.5
+*RIGID BODY, NSET=X2, REF NODE=99
+*ELEMENT, TYPE=MASS, ELSET=P
+61,99
+*MASS, ELSET=P
+4000.
+*BOUNDARY
+X0, 1, 3
+*BOUNDARY
+99, 2, 6
+*STEP
+*FREQUENCY
+1
+"""
+
+
 class Decks(Cli):
+    def test_an_infinite_eigenvalue_of_a_constraint_is_no_mode(self):
+        out = self.expect(0, "simulate", str(self.file("slides.inp", SLIDES)), "--json")
+        self.assertAlmostEqual(json.loads(out.stdout)["initial"]["modes"][0]["frequency"], 0.05626, delta=2e-5)
+
     def moved(self, name, deck, labels):
         """Displacements of nodes, by markers of a model that takes the deck."""
         self.file(f"{name}.inp", deck)
