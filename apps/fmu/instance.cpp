@@ -74,7 +74,7 @@ class Unpacker {
  private:
   std::size_t size(std::size_t each) {
     const double count = number();
-    if (!(count >= 0 && count <= static_cast<double>(rest_.size() / each)))
+    if (!(count >= 0 && count <= std::floor(static_cast<double>(rest_.size()) / static_cast<double>(each))))
       refuse("the state of the FMU is damaged, or of another FMU");
     return static_cast<std::size_t>(count);
   }

@@ -27,7 +27,9 @@ class MotorLaw final : public CoordinateLaw {
 
 CoordinateForce::CoordinateForce(std::string name, FramePtr a, FramePtr b, Coordinate coordinate,
                                  std::unique_ptr<CoordinateLaw> law)
-    : FrameForce(std::move(name), std::move(a), std::move(b)), coordinate_(coordinate), law_(std::move(law)) {}
+    : FrameForce(std::move(name), std::move(a), std::move(b)),
+      coordinate_(std::move(coordinate)),
+      law_(std::move(law)) {}
 
 LawPoint CoordinateForce::point(const Pair& p, RelativeValue& g) const {
   dynamics::evaluate(coordinate_, p.a, p.b, false, g);

@@ -179,7 +179,7 @@ namespace {
 
 std::unique_ptr<FrameForce> spring(std::string name, FramePtr a, FramePtr b, CoordinateForce::Coordinate coordinate,
                                    SpringLaw law) {
-  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), coordinate,
+  return std::make_unique<CoordinateForce>(std::move(name), std::move(a), std::move(b), std::move(coordinate),
                                            std::make_unique<Spring>(std::move(law)));
 }
 

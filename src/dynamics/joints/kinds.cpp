@@ -118,7 +118,7 @@ std::unique_ptr<Joint> couple(const char* kind, std::string name, std::array<Fra
                               JointRow::Term second) {
   JointRow r;
   r.label = "coupling";
-  r.terms = {first, second};
+  r.terms = {std::move(first), std::move(second)};
   r.measure_offset = true;
   std::vector<FramePtr> list;
   for (FramePtr& f : frames) list.push_back(std::move(f));

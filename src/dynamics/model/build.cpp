@@ -207,7 +207,7 @@ class Builder {
 
   static std::unique_ptr<FrameForce> motor(const ForceSpec& f, FramePtr a, FramePtr b,
                                            CoordinateForce::Coordinate coordinate) {
-    return std::make_unique<CoordinateForce>(f.name, std::move(a), std::move(b), coordinate, motor_law());
+    return std::make_unique<CoordinateForce>(f.name, std::move(a), std::move(b), std::move(coordinate), motor_law());
   }
 
   void add_force(const ForceSpec& given) {
