@@ -78,13 +78,14 @@ endfunction()
 # Compiles sources of a target together, as few files (ESPALIER_FROM_SCRATCH): their headers are read and their templates
 # made once. Sources with the same options go together, up to 200 kB (half a minute of a compiler). Names in their
 # anonymous namespaces must differ; a clash is an error of the compiler.
+# ESPALIER_APART names those whose sources somebody edits: they stay files of their own (-DESPALIER_APART="reading;building").
 # espalier_together(target name OPTIONS options... SOURCES files...), files relative to the current folder.
 function(espalier_together target name)
   cmake_parse_arguments(ARG "" "" "OPTIONS;SOURCES" ${ARGN})
   if(ARG_OPTIONS)
     set_property(SOURCE ${ARG_SOURCES} APPEND PROPERTY COMPILE_OPTIONS ${ARG_OPTIONS})
   endif()
-  if(NOT ESPALIER_FROM_SCRATCH)
+  if(NOT ESPALIER_FROM_SCRATCH OR name IN_LIST ESPALIER_APART)
     return()
   endif()
   set(pieces)
