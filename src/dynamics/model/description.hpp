@@ -262,6 +262,7 @@ struct JointSpec {
   double radius = 0;                             ///< of a worm's wheel
   std::array<double, 2> teeth{};                 ///< of a gear pair
   int inner = -1;                                ///< which of its wheels, 0 or 1, has inner teeth; -1: none
+  double pressure_angle = 0;                     ///< of the teeth of a gear pair or a rack pair
   std::shared_ptr<const SpaceCurve> curve;       ///< of point-on-curve
   std::shared_ptr<const PointFunction> surface;  ///< of point-on-surface
   RollingShape rolling;                          ///< of rolling and skate

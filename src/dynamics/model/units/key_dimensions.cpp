@@ -98,7 +98,7 @@ constexpr KeyRow kKeyRows[] = {
     {kJointTable, "", "at length radius rim lead points half_axes x y heights", "length"},
     {kJointTable, "", "axis x_axis ratio teeth scale", "1"},
     {kJointTable, "type=point-on-surface", "angle", "angle"},
-    {kJointTable, "", "rotation", "angle"},
+    {kJointTable, "", "rotation pressure_angle", "angle"},
     {kJointTable, "type=revolute", "armature", "mass*length^2"},
     {kJointTable, "type=prismatic", "armature", "mass"},
     {kJointTable, "type=rotation-motor", "motion", "angle"},
@@ -120,8 +120,9 @@ constexpr KeyRow kKeyRows[] = {
     {kFrictionTable, "", "radius bending_arm torsion_arm collar_radius", "length"},
     {kFrictionTable, "type=revolute|parallel-axes", "viscous", "force*length*time/angle"},
     {kFrictionTable,
-     "type=prismatic|cylindrical|screw|in-line|point-on-line|point-on-curve|in-plane|point-on-surface|worm", "viscous",
-     "force*time/length"},
+     "type=prismatic|cylindrical|screw|in-line|point-on-line|point-on-curve|in-plane|point-on-surface|worm|gear-pair|"
+     "rack-pair",
+     "viscous", "force*time/length"},
     {kFrictionTable, "", "angular_viscous", "force*length*time/angle"},
 
     {kForceTable, "", "at start lengths length", "length"},
