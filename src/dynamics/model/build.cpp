@@ -117,6 +117,11 @@ class Builder {
   TimeFunction motion_of_text(const JointSpec& j, double initial) {
     TimeFunction f = j.function->function(j.place.text());
     if (!j.relative) return f;
+    if (const double still = j.function->value(); j.function->is_constant() && still != 0)
+      fail(j.place, fmt::format("'motion' with from = \"initial\" counts from its own value at the start, so that the "
+                                "constant {:g} moves nothing; write \"0\" to hold the coordinate, a function of t to "
+                                "move it, or leave 'from' out",
+                                still));
     const double start = initial - j.function->value(model_.integrator.start);
     f.value = [g = f.value, start](double t) { return start + g(t); };
     return f;
