@@ -76,7 +76,6 @@ JointFreedom joint_freedom(JointType type) {
     case JointType::parallel_axes:
       return {.turns = true, .limits = true, .moments = true};
     case JointType::cylindrical:
-      return {.turns = true, .slides = true, .limits = true, .moments = true};
     case JointType::screw:
       return {.turns = true, .slides = true, .limits = true, .moments = true};
     case JointType::prismatic:
