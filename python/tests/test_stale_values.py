@@ -17,8 +17,8 @@ class Sequence:
         self.random = np.random.default_rng(seed)
         self.complex = self.random.random() < 0.25
         self.symmetry = self.random.choice(["auto", "lower", "upper", "symmetric", "general"])
-        self.solver = esp.Solver(symmetry=self.symmetry, refine=0, required_error=float("inf"), threads=int(self.random.integers(1, 3)),
-                                 partial_refactorization=bool(self.random.integers(2)), progress=False)
+        self.solver = esp.Solver(symmetry=self.symmetry, refinement_steps=0, required_backward_error=float("inf"), progress=False,
+                                 threads=int(self.random.integers(1, 3)), partial_refactorization=bool(self.random.integers(2)))
         self.twin = None  # a solver, and the matrix that it has factorized
         self.truth = None  # the matrix of the last factorization, dense; None: no solution may come
         self.given = self.matrix()
@@ -43,8 +43,8 @@ class Sequence:
         return stored
 
     def scaled(self, sparse):
-        """Other values on the same pattern: D A D."""
-        d = sp.diags_array(self.random.uniform(0.4, 2.5, sparse.shape[0]))
+        """Other values on the same pattern: D A D, by powers of two, so that what is symmetric stays so."""
+        d = sp.diags_array(2.0 ** self.random.integers(-2, 3, sparse.shape[0]))
         result = (d @ sparse @ d).asformat(sparse.format)
         assert result.nnz == sparse.nnz
         return result
@@ -138,8 +138,8 @@ class Sequence:
         assert error < (1e-6 if x.dtype == np.float32 else 1e-10), f"the solution is not that of the last values: {error}"
 
     def run(self, calls):
-        steps = [self.factorize, self.factorize, self.values, self.values, self.entries, self.entries, self.in_place, self.refused,
-                 self.wrong_count, self.analyze, self.swap]
+        steps = [self.factorize, self.factorize, self.values, self.values, self.entries, self.entries, self.in_place,
+                 self.refused, self.wrong_count, self.analyze, self.swap]
         for _ in range(calls):
             steps[int(self.random.integers(len(steps)))]()
             self.check()
