@@ -14,18 +14,6 @@ namespace {
 
 constexpr const char* kDirectionNames[] = {"x", "y", "z", "rotation x", "rotation y", "rotation z"};
 
-Point cross_product(const Point& a, const Point& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
-/// Of length one; zeros where the vector has no direction.
-Point direction_of(const Point& a) {
-  const double length = std::hypot(a[0], a[1], a[2]);
-  return length > 0 ? Point{a[0] / length, a[1] / length, a[2] / length} : Point{};
-}
-
-Point difference_of(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-
 /// The six degrees of freedom that a word of *BOUNDARY holds; empty: it is no such word.
 std::vector<int> directions_of_word(const std::string& word) {
   if (word == "ENCASTRE") return {0, 1, 2, 3, 4, 5};
@@ -125,6 +113,10 @@ class InpDeckReader {
       return;
     }
     step.kind = card.keyword.name == "*STATIC" ? DeckStep::Kind::statics : DeckStep::Kind::motion;
+    if (step.kind == DeckStep::Kind::motion && !step.large)
+      deck_.notices.push_back(fmt::format(
+          "{}:{}: the step has no NLGEOM, which would leave out what large displacements do; here they count",
+          card.place.file, card.place.line));
     if (step.kind == DeckStep::Kind::motion && moved_before_)
       leave(DeckKind::step, "*DYNAMIC from where the steps before it have led", card);
     step.increment = f.real(0, "first increment", 1);
@@ -177,7 +169,9 @@ class InpDeckReader {
 
   /// OP=NEW takes away what steps before have said: once in a step.
   bool begins_anew(const InpCard& card) {
-    return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" && news_.insert(card.keyword.name).second;
+    const std::string& name = card.keyword.name;
+    return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" &&
+           news_.insert(name == "*DSLOAD" ? "*DLOAD" : name).second;
   }
 
   /// Whether a parameter is given that changes what the card means. @return then it is left
@@ -321,9 +315,14 @@ class InpDeckReader {
                   upper(f.text(0)),
                   lookup_.homes(card.scope)};
     for (std::size_t d = 0; d < 3; ++d) g.acceleration[d] = value * direction[d];
-    // A step replaces what the ones before say of the same elements.
+    // A step replaces what the ones before say of the same elements; in CalculiX gravity in another direction is added.
     std::erase_if(deck_.gravity, [&](const DeckGravity& old) {
       const bool same = old.set == g.set || (!g.elements.empty() && old.elements == g.elements);
+      const Point was = direction_of(old.acceleration);
+      const double along = was[0] * direction[0] + was[1] * direction[1] + was[2] * direction[2];
+      constexpr double kNear = 1e-10;
+      if (old.step != card.step && same && std::abs(along) < 1 - kNear)
+        leave(DeckKind::gravity, "*DLOAD GRAV in another direction than in the step before, without OP=NEW", card);
       return old.step != card.step && same;
     });
     deck_.gravity.push_back(std::move(g));
@@ -342,18 +341,10 @@ class InpDeckReader {
     if (!type.empty() && type != "R" && type != "C")
       return leave(DeckKind::others, fmt::format("*TRANSFORM TYPE={}", type), card);
     for (const Index node : target_.nodes(card, CardFields(card.place, set), 0)) {
-      Point x = direction_of(a), z = direction_of(cross_product(a, b));
-      if (type == "C") {
-        z = direction_of(difference_of(b, a));
-        const Point arm = difference_of(lookup_.mesh().nodes[static_cast<std::size_t>(node)], a);
-        x = direction_of(cross_product(cross_product(z, arm), z));
-        // On the axis, where it is one of the coordinate system: as CalculiX has it.
-        for (std::size_t d = 0; d < 3 && x == Point{}; ++d)
-          if (std::abs(z[d]) == 1) x[(d + 1) % 3] = 1;
-      }
-      if (x == Point{} || z == Point{})
+      const auto axes = transform_axes(type == "C", a, b, lookup_.mesh().nodes[static_cast<std::size_t>(node)]);
+      if (axes[0] == Point{} || axes[2] == Point{})
         fail(f.place(), fmt::format("*TRANSFORM has no axes at node {}", node_name(lookup_.mesh(), node)));
-      deck_.axes[node] = {x, cross_product(z, x), z};
+      deck_.axes[node] = axes;
     }
   }
 
