@@ -58,6 +58,33 @@ std::int64_t CardFields::integer(std::size_t k, const char* what, std::int64_t o
   return has(k) ? integer(k, what) : otherwise;
 }
 
+namespace {
+
+Point cross_product(const Point& a, const Point& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+}
+
+Point difference_of(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
+
+}  // namespace
+
+Point direction_of(const Point& a) {
+  const double length = std::hypot(a[0], a[1], a[2]);
+  return length > 0 ? Point{a[0] / length, a[1] / length, a[2] / length} : Point{};
+}
+
+std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Point& b, const Point& place) {
+  Point x = direction_of(a), z = direction_of(cross_product(a, b));
+  if (cylindrical) {
+    z = direction_of(difference_of(b, a));
+    x = direction_of(cross_product(cross_product(z, difference_of(place, a)), z));
+    // On the axis, where it is one of the coordinate system: as CalculiX has it.
+    for (std::size_t d = 0; d < 3 && x == Point{}; ++d)
+      if (std::abs(z[d]) == 1) x[(d + 1) % 3] = 1;
+  }
+  return {x, cross_product(z, x), z};
+}
+
 bool is_harmless_inp_keyword(const std::string& name) {
   static constexpr std::string_view kHarmless[] = {"*EXPANSION",
                                                    "*CONDUCTIVITY",

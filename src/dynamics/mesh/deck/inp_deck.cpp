@@ -14,18 +14,6 @@ namespace {
 
 constexpr const char* kDirectionNames[] = {"x", "y", "z", "rotation x", "rotation y", "rotation z"};
 
-Point cross_product(const Point& a, const Point& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
-/// Of length one; zeros where the vector has no direction.
-Point direction_of(const Point& a) {
-  const double length = std::hypot(a[0], a[1], a[2]);
-  return length > 0 ? Point{a[0] / length, a[1] / length, a[2] / length} : Point{};
-}
-
-Point difference_of(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-
 /// The six degrees of freedom that a word of *BOUNDARY holds; empty: it is no such word.
 std::vector<int> directions_of_word(const std::string& word) {
   if (word == "ENCASTRE") return {0, 1, 2, 3, 4, 5};
@@ -86,22 +74,29 @@ class InpDeckReader {
   void begin_step(const InpCard& card) {
     news_.clear();
     fresh_holds_.clear();
-    const bool large = card.keyword.has("NLGEOM") && upper(card.keyword.get("NLGEOM")) != "NO";
+    // NLGEOM stays for the steps that follow.
+    if (card.keyword.has("NLGEOM")) deck_.step.large = upper(card.keyword.get("NLGEOM")) != "NO";
     if (card.step != wanted_) {
-      large_before_ = large_before_ || large;
+      large_before_ = large_before_ || deck_.step.large;
       return;
     }
-    deck_.step.large = large;
     deck_.step.place = card.place;
     if (wanted_ > 1 && card.keyword.has("PERTURBATION"))
       leave(DeckKind::step, "*STEP PERTURBATION, from the stresses of the step before", card);
   }
 
   void procedure(const InpCard& card) {
-    if (card.step != wanted_) return;
-    DeckStep& step = deck_.step;
     if (card.step == 0) fail(card.place, fmt::format("{} stands outside of a *STEP", card.keyword.name));
+    if (card.step != wanted_) {
+      moved_before_ = moved_before_ || card.keyword.name != "*FREQUENCY";
+      return;
+    }
+    DeckStep& step = deck_.step;
     step.place = card.place;
+    if (leaves_parameter(card, DeckKind::step,
+                         {"SOLVER", "EIGENSOLVER", "SIM", "ACOUSTICCOUPLING", "STORAGE", "NORMALIZATION", "DIRECT",
+                          "ALPHA", "TIMERESET", "TOTALTIMEATSTART", "EXPLICIT", "NOHAF", "HAFTOL"}))
+      return;
     const CardFields f = card.lines.empty() ? CardFields(card.place, "") : card.fields(0);
     if (card.keyword.name == "*FREQUENCY") {
       step.kind = DeckStep::Kind::modes;
@@ -110,11 +105,20 @@ class InpDeckReader {
       if (count < 1 || count > kMost)
         fail(f.place(), fmt::format("*FREQUENCY needs a number of modes from 1 to {}, not {}", kMost, count));
       step.modes = static_cast<int>(count);
-      if (f.real(1, "lowest frequency", 0) > 0) leave(DeckKind::step, "*FREQUENCY above a lowest one", card);
+      for (const std::size_t bound : {1U, 2U})
+        if (f.real(bound, "frequency", 0) > 0)
+          deck_.notices.push_back(fmt::format("{}:{}: the lowest {} modes are given, also those {} {}", f.place().file,
+                                              f.place().line, count, bound == 1 ? "below" : "above", f.text(bound)));
       if (large_before_) leave(DeckKind::step, "*FREQUENCY under the stresses of a step with NLGEOM", card);
       return;
     }
     step.kind = card.keyword.name == "*STATIC" ? DeckStep::Kind::statics : DeckStep::Kind::motion;
+    if (step.kind == DeckStep::Kind::motion && !step.large)
+      deck_.notices.push_back(fmt::format(
+          "{}:{}: the step has no NLGEOM, which would leave out what large displacements do; here they count",
+          card.place.file, card.place.line));
+    if (step.kind == DeckStep::Kind::motion && moved_before_)
+      leave(DeckKind::step, "*DYNAMIC from where the steps before it have led", card);
     step.increment = f.real(0, "first increment", 1);
     step.period = f.real(1, "time of the step", 1);
     step.fixed = card.keyword.has("DIRECT");
@@ -127,13 +131,14 @@ class InpDeckReader {
 
   void amplitude(const InpCard& card) {
     const std::string name = upper(card.keyword.need(LineReader(card.place.file, ""), "NAME"));
-    const std::string kind = upper(card.keyword.get("DEFINITION"));
-    if (!kind.empty() && kind != "TABULAR") {
-      refused_curves_.emplace(name, fmt::format("*AMPLITUDE DEFINITION={}", kind));
-      return;
+    for (const auto& [key, given] : card.keyword.parameters) {
+      std::string value = upper(given);
+      std::erase(value, ' ');
+      const bool known = key == "NAME" || (key == "DEFINITION" && value == "TABULAR") ||
+                         (key == "TIME" && value == "STEPTIME") || (key == "VALUE" && value == "RELATIVE");
+      if (!known) refused_curves_.emplace(name, fmt::format("*AMPLITUDE {}{}{}", key, value.empty() ? "" : "=", value));
     }
-    const std::string time = upper(card.keyword.get("TIME"));
-    if (time == "TOTALTIME") refused_curves_.emplace(name, "*AMPLITUDE TIME=TOTAL TIME");
+    if (refused_curves_.contains(name)) return;
     std::vector<std::pair<double, double>> points;
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
       const CardFields f = card.fields(l);
@@ -164,7 +169,9 @@ class InpDeckReader {
 
   /// OP=NEW takes away what steps before have said: once in a step.
   bool begins_anew(const InpCard& card) {
-    return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" && news_.insert(card.keyword.name).second;
+    const std::string& name = card.keyword.name;
+    return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" &&
+           news_.insert(name == "*DSLOAD" ? "*DLOAD" : name).second;
   }
 
   /// Whether a parameter is given that changes what the card means. @return then it is left
@@ -308,9 +315,14 @@ class InpDeckReader {
                   upper(f.text(0)),
                   lookup_.homes(card.scope)};
     for (std::size_t d = 0; d < 3; ++d) g.acceleration[d] = value * direction[d];
-    // A step replaces what the ones before say of the same elements.
+    // A step replaces what the ones before say of the same elements; in CalculiX gravity in another direction is added.
     std::erase_if(deck_.gravity, [&](const DeckGravity& old) {
       const bool same = old.set == g.set || (!g.elements.empty() && old.elements == g.elements);
+      const Point was = direction_of(old.acceleration);
+      const double along = was[0] * direction[0] + was[1] * direction[1] + was[2] * direction[2];
+      constexpr double kNear = 1e-10;
+      if (old.step != card.step && same && std::abs(along) < 1 - kNear)
+        leave(DeckKind::gravity, "*DLOAD GRAV in another direction than in the step before, without OP=NEW", card);
       return old.step != card.step && same;
     });
     deck_.gravity.push_back(std::move(g));
@@ -329,27 +341,27 @@ class InpDeckReader {
     if (!type.empty() && type != "R" && type != "C")
       return leave(DeckKind::others, fmt::format("*TRANSFORM TYPE={}", type), card);
     for (const Index node : target_.nodes(card, CardFields(card.place, set), 0)) {
-      Point x = direction_of(a), z = direction_of(cross_product(a, b));
-      if (type == "C") {
-        z = direction_of(difference_of(b, a));
-        const Point arm = difference_of(lookup_.mesh().nodes[static_cast<std::size_t>(node)], a);
-        x = direction_of(cross_product(cross_product(z, arm), z));
-      }
-      if (x == Point{} || z == Point{})
+      const auto axes = transform_axes(type == "C", a, b, lookup_.mesh().nodes[static_cast<std::size_t>(node)]);
+      if (axes[0] == Point{} || axes[2] == Point{})
         fail(f.place(), fmt::format("*TRANSFORM has no axes at node {}", node_name(lookup_.mesh(), node)));
-      deck_.axes[node] = {x, cross_product(z, x), z};
+      deck_.axes[node] = axes;
     }
   }
 
   /// One formulation for all, where the deck's types name one.
   void note_formulations() {
-    std::set<std::string> hex8, hex20;
+    std::set<std::string> hex8;
+    std::set<bool> reduced;
     for (const std::string& type : model_.solid_types) {
       if (type.starts_with("C3D8")) hex8.insert(type == "C3D8" ? "full" : type == "C3D8I" ? "enhanced" : "");
-      if (type.starts_with("C3D20")) hex20.insert(type);
+      if (type.starts_with("C3D20")) reduced.insert(type.starts_with("C3D20R"));
     }
     if (hex8.size() == 1) deck_.hex8 = *hex8.begin();
-    deck_.reduced_hex20 = hex20.size() == 1 && hex20.begin()->starts_with("C3D20R");
+    deck_.reduced_hex20 = reduced.size() == 1 && *reduced.begin();
+    for (const std::string& type : model_.solid_types)
+      if ((type.starts_with("C3D8") && deck_.hex8.empty()) || (type.starts_with("C3D20") && reduced.size() > 1) ||
+          type.starts_with("C3D10M"))
+        deck_.other_elements += fmt::format("{}{}", deck_.other_elements.empty() ? "" : ", ", type);
   }
 
   const InpModel& model_;
@@ -357,7 +369,7 @@ class InpDeckReader {
   const InpLookup& lookup_;
   Deck& deck_;
   int wanted_ = 0;
-  bool large_before_ = false;  // a step before the wanted one has large displacements
+  bool large_before_ = false, moved_before_ = false;  // a step before the wanted one has large displacements; moves
   std::map<std::string, int> curves_;
   std::map<std::string, std::string> refused_curves_;
   std::set<std::string> news_;  // keywords whose OP=NEW this step has seen
