@@ -215,9 +215,19 @@ void add_separation(const JointSpec& spec, const FrameBuilder& frames, const Joi
   out.contacts[spec.name].separation = &out.system.add(std::move(force));
 }
 
-/// The rotor has a coordinate of its own, which follows that of the joint.
+/// Rate of a joint's coordinate at the start, about or along z of its frame a.
+double initial_rate(const JointSpec& spec, const FrameBuilder& frames) {
+  const FrameMotion a = frames.initial_motion(spec.frames[0]), b = frames.initial_motion(spec.frames[1]);
+  const Vec3 rate =
+      spec.type == JointType::revolute ? Vec3(b.omega - a.omega) : Vec3(b.vel - a.vel - a.omega.cross(b.r - a.r));
+  return rate.dot(a.rot.col(2));
+}
+
+/// The rotor has a coordinate of its own, which follows that of the joint; from the start on: a rotor that is heavy
+/// beside its body would hold the body's velocity else.
 void add_armature(const JointSpec& spec, const FrameBuilder& frames, Mechanism& out) {
-  const auto& rotor = out.system.add(std::make_unique<RotorInertia>(spec.name, spec.armature));
+  const auto& rotor =
+      out.system.add(std::make_unique<RotorInertia>(spec.name, spec.armature, initial_rate(spec, frames)));
   const auto frame = [&](std::size_t k) { return frames.make(spec.frames[k]); };
   FramePtr ground = std::make_unique<GroundFrame>(), at_rotor = std::make_unique<RotorFrame>(rotor);
   const std::string name = spec.name + " armature";
