@@ -122,14 +122,14 @@ class FunctionBuilder {
       if (component) inputs.push_back(make(*component));
     const auto drive = out_.drives.find(spec.name);
     if (drive != out_.drives.end()) {
-      const double otherwise = spec.type == ForceType::load ? 1 : 0;
+      const double otherwise = spec.type == ForceType::load || spec.type == ForceType::line_load ? 1 : 0;
       inputs.push_back(std::make_shared<DrivenFunction>(
           spec.formula ? make(*spec.formula) : constant_function(otherwise), drive->second));
     } else if (spec.formula) {
       inputs.push_back(make(*spec.formula));
     }
     if (FacePressure* pressure = out_.pressure(spec.name))
-      pressure->set_pressure(std::move(inputs.front()));
+      pressure->set_pressure(inputs.empty() ? constant_function(1) : std::move(inputs.front()));
     else
       out_.force(spec.name)->force->set_inputs(std::move(inputs));
     done_.push_back(spec.name);
