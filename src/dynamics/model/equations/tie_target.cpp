@@ -15,11 +15,12 @@ namespace {
 
 constexpr double kNear = 0.05;  // of the extent of a face, or the length of an element
 
-using Place = std::function<Vec3(Index)>;  // of a vertex at the start
+using PlaceOf = std::function<Vec3(Index)>;  // a vertex, at the start
 
 class SolidTarget final : public TieTarget {
  public:
-  SolidTarget(const Mesh& mesh, const std::vector<MeshFace>& faces, const Place& place) : search_(mesh, faces, place) {}
+  SolidTarget(const Mesh& mesh, const std::vector<MeshFace>& faces, const PlaceOf& place)
+      : search_(mesh, faces, place) {}
   [[nodiscard]] TiePoint nearest(const Vec3& point, Index /*own*/) const override {
     FacePoint at = search_.nearest(point);
     TiePoint out;
@@ -52,7 +53,7 @@ Vec3 reach_for(const Vec3& point, const Vec3& from, TiePoint& out) {
 
 class ShellTarget final : public TieTarget {
  public:
-  ShellTarget(const ShellSpec& shell, Place place)
+  ShellTarget(const ShellSpec& shell, PlaceOf place)
       : place_(std::move(place)),
         search_(shell_quads(shell), [this](Index n) { return place_(2 * n); }),
         thickness_(shell.thickness) {}
@@ -83,7 +84,7 @@ class ShellTarget final : public TieTarget {
   }
 
  private:
-  Place place_;
+  PlaceOf place_;
   FaceSearch search_;
   double thickness_;
 };
@@ -91,7 +92,7 @@ class ShellTarget final : public TieTarget {
 /// Beams and cables.
 class LineTarget final : public TieTarget {
  public:
-  LineTarget(const BuiltBody& body, Place place)
+  LineTarget(const BuiltBody& body, PlaceOf place)
       : elements_(line_elements(body)), place_(std::move(place)), each_(body.flexible->vertices_per_node()) {}
   [[nodiscard]] TiePoint nearest(const Vec3& point, Index /*own*/) const override {
     const LineElement* best = nullptr;
@@ -158,14 +159,14 @@ class LineTarget final : public TieTarget {
   }
 
   std::vector<LineElement> elements_;
-  Place place_;
+  PlaceOf place_;
   Index each_;
 };
 
 }  // namespace
 
 std::unique_ptr<TieTarget> make_tie_target(const BuiltBody& body, const std::string& face, const FrameBuilder& frames) {
-  Place place = [&frames, flexible = body.flexible](Index vertex) -> Vec3 {
+  PlaceOf place = [&frames, flexible = body.flexible](Index vertex) -> Vec3 {
     return Eigen::Map<const Vec3>(frames.initial_configuration().data() + flexible->configuration(vertex));
   };
   if (body.mesh) {
