@@ -82,7 +82,7 @@ class SolidSkin final : public Skin {
 class LineSkin final : public Skin {
  public:
   /// @param section  points of the section's outline, along y and z, anticlockwise seen against x
-  LineSkin(const model::LineChain& chain, int step, std::vector<std::array<double, 2>> section)
+  LineSkin(const LineChain& chain, int step, std::vector<std::array<double, 2>> section)
       : elements_(static_cast<Index>(chain.lengths.size())),
         first_(chain.first),
         step_(step),
@@ -277,8 +277,7 @@ std::vector<std::array<double, 2>> outline_of(const BeamSection& s, double lengt
   return {{-height / 2, -width / 2}, {height / 2, -width / 2}, {height / 2, width / 2}, {-height / 2, width / 2}};
 }
 
-std::vector<std::array<double, 2>> outline_of(const model::BuiltBody& body, const model::LineChain& chain,
-                                              double length) {
+std::vector<std::array<double, 2>> outline_of(const model::BuiltBody& body, const LineChain& chain, double length) {
   if (const auto* beam = std::get_if<model::BeamSpec>(&body.spec.shape))
     return outline_of(section_of_chain(*beam, chain).section, length);
   const CableSection s = section_of_chain(std::get<model::CableSpec>(body.spec.shape), chain);
@@ -296,11 +295,11 @@ const std::vector<Index>& Skin::nodes() const {
 std::unique_ptr<Skin> make_skin(const model::BuiltBody& body) {
   if (body.mesh) return std::make_unique<SolidSkin>(*body.mesh);
   if (const auto* shell = std::get_if<model::ShellSpec>(&body.spec.shape)) return std::make_unique<ShellSkin>(*shell);
-  const std::vector<model::LineChain> chains = model::line_chains(body);
+  const std::vector<LineChain> chains = model::line_chains(body);
   if (chains.empty()) return std::make_unique<NodeSkin>(body);
   std::vector<std::unique_ptr<LineSkin>> skins;
   std::vector<Index> first;
-  for (const model::LineChain& chain : chains) {
+  for (const LineChain& chain : chains) {
     const double length = std::accumulate(chain.lengths.begin(), chain.lengths.end(), 0.0);
     skins.push_back(
         std::make_unique<LineSkin>(chain, body.flexible->vertices_per_node(), outline_of(body, chain, length)));
