@@ -213,6 +213,8 @@ class Builder {
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
+    } else if (given.type == ForceType::body_load) {
+      add_body_load(given);
     } else if (given.type == ForceType::cable) {
       const ForceSpec f = completed(given, frames_, out_);
       for (const MarkerSpec& marker : f.frames) hold_rigidly(marker, frames_, out_);
@@ -252,6 +254,19 @@ class Builder {
       return;
     }
     frames_.unknown_body(f.body, f.place);
+  }
+
+  void add_body_load(const ForceSpec& f) {
+    const BuiltBody* body = out_.body(f.body);
+    if (body == nullptr) frames_.unknown_body(f.body, f.place);
+    if (!body->mesh || body->reduced != nullptr)
+      throw std::invalid_argument("body loads act on solids, which are not reduced");
+    const std::span<const Index> elements =
+        f.element_set.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.element_set));
+    if (body->spec.massless && (!f.body_load.acceleration.isZero(0) || !f.body_load.spin.isZero(0)))
+      throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
+    auto load = load_material(*body->flexible, *body->mesh, elements, body->materials, f.body_load);
+    out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(load))));
   }
 
   /// Moments and directions of a place without axes would be lost without a word.
@@ -302,6 +317,7 @@ class Builder {
       }
       case ForceType::cable:
       case ForceType::pressure:
+      case ForceType::body_load:
         break;
     }
     throw std::logic_error("a type of force is missing in the builder");

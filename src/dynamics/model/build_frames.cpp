@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <set>
 
@@ -117,6 +118,21 @@ std::vector<FrameVertex> centred_vertices(const FlexibleBody& body, const Mesh& 
   return vertices;
 }
 
+/// Where the text wants the mean to be, in mesh coordinates.
+std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
+  if (!m.point_given) return std::nullopt;
+  return m.global ? Vec3(body.spec.rotation.transpose() * (m.point - body.spec.position)) : m.point;
+}
+
+/// From the mean of nodes that carry a point beside it, in the axes of their frame.
+std::optional<Vec3> arm_of(const MarkerSpec& m, const BuiltBody& body, const FlexibleFrame& frame) {
+  if (!m.by_nodes() || !m.point_given || !frame.has_rotation()) return std::nullopt;
+  Vec3 mean = Vec3::Zero();
+  for (const FrameVertex& v : frame.vertices())
+    mean += v.weight * Eigen::Map<const Vec3>(body.flexible->reference().data() + 3 * v.vertex);
+  return frame.axes().transpose() * (*wanted_mean(m, body) - mean);
+}
+
 }  // namespace
 
 void FrameBuilder::note_initial_state() {
@@ -167,10 +183,12 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
       frame = make_rigid(m, *body);
     } else if (body->flexible != nullptr) {
       std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
+      const std::optional<Vec3> arm = arm_of(m, *body, *nodal);
       if (body->reduced != nullptr)
         frame = std::make_unique<ReducedFrame>(*body->reduced, *nodal);
       else
         frame = std::move(nodal);
+      if (arm) frame = std::make_unique<CarriedFrame>(std::move(frame), *arm, Mat3::Identity());
     } else if (body->point != nullptr) {
       if (ways_of(m) > 0 || (m.point_given && !m.global))
         throw std::invalid_argument(fmt::format("'{}' is a point mass: the body alone says where", m.body));
@@ -217,7 +235,9 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   if (m.by_nodes()) {
     const std::vector<Index> set = nodes_of(m, body);
     std::vector<FrameVertex> vertices;
-    for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
+    const std::vector<double> weights = m.weights.empty() ? std::vector<double>(set.size(), 1) : weights_of(m, body);
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
+    for (std::size_t k = 0; k < set.size(); ++k) vertices.push_back({set[k], weights[k] / sum, Vec3::Zero()});
     return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
   }
   const Index k = node(m, body);
@@ -249,16 +269,6 @@ std::vector<MeshFace> FrameBuilder::faces_of(const MarkerSpec& m, const BuiltBod
   }
   return faces;
 }
-
-namespace {
-
-/// Where the text wants the mean to be, in mesh coordinates.
-std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
-  if (!m.point_given) return std::nullopt;
-  return m.global ? Vec3(body.spec.rotation.transpose() * (m.point - body.spec.position)) : m.point;
-}
-
-}  // namespace
 
 std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& body) const {
   check_ways(m);

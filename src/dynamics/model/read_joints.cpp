@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
@@ -213,6 +214,18 @@ void read_cable_force(Section& s, ForceSpec& f) {
   f.slip_speed = f.friction > 0 ? s.positive("slip_speed") : s.positive("slip_speed", 1);
 }
 
+void read_body_load(Section& s, ForceSpec& f) {
+  f.body = s.text("body");
+  f.element_set = s.text("element_set", "");
+  f.body_load = {s.vector("acceleration", Vec3::Zero()), s.vector("force_density", Vec3::Zero()),
+                 s.vector("angular_velocity", Vec3::Zero()), s.vector("point", Vec3::Zero())};
+  if (s.has("factor")) f.formula = {s.place("factor"), s.state_function("factor")};
+  if (!s.has("acceleration") && !s.has("force_density") && !s.has("angular_velocity"))
+    fail(s.place(),
+         "needs 'acceleration', 'force_density' (force per volume), or 'angular_velocity' of axes that turn about "
+         "'point'");
+}
+
 ForceSpec read_force(const std::string& name, const Value& value, const std::string& units) {
   Section s(value);
   ForceSpec f;
@@ -223,6 +236,8 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.body = s.text("body");
     f.face = s.text("face");
     f.formula = {s.place("pressure"), s.state_function("pressure")};
+  } else if (f.type == ForceType::body_load) {
+    read_body_load(s, f);
   } else {
     f.frames = f.type == ForceType::cable ? read_through(s) : read_frames(s, f.type == ForceType::load ? 1 : 2);
   }
@@ -257,6 +272,7 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
       read_cable_force(s, f);
       break;
     case ForceType::pressure:
+    case ForceType::body_load:
       break;
   }
   f.active = s.flag("active", true);
@@ -329,8 +345,8 @@ const std::vector<std::string>& joint_type_names() {
 
 const std::vector<std::string>& force_type_names() {
   static const std::vector<std::string> names = {
-      "spring",   "axial-spring", "rotational-spring", "bushing",     "load",
-      "pressure", "guide",        "torque-motor",      "force-motor", "cable"};
+      "spring", "axial-spring", "rotational-spring", "bushing", "load",     "pressure",
+      "guide",  "torque-motor", "force-motor",       "cable",   "body-load"};
   return names;
 }
 
@@ -362,6 +378,12 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.attach = read_attach(s);
   read_where(s, m);
   m.most_nodes = s.integer("most_nodes", 0, 240);
+  if (s.has("weights")) {
+    m.weights = s.numbers("weights");
+    if (!m.by_nodes()) fail(s.place("weights"), "are those of 'nodes'");
+    if (!(std::accumulate(m.weights.begin(), m.weights.end(), 0.0) > 0))
+      fail(s.place("weights"), "must have a sum above 0");
+  }
   s.finish();
   return m;
 }

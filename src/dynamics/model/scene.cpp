@@ -219,7 +219,7 @@ const std::vector<double>& Scene::plain_von_mises(const State& s) {
         reference.insert(reference.end(), from, from + 3);
         position.insert(position.end(), to, to + 3);
       }
-      von_mises_[cell] = model::von_mises(type, body.material, reference, position);
+      von_mises_[cell] = model::von_mises(type, body.materials.at(e), reference, position);
     }
   }
   return von_mises_;

@@ -59,30 +59,44 @@ std::int64_t CardFields::integer(std::size_t k, const char* what, std::int64_t o
 }
 
 bool is_harmless_inp_keyword(const std::string& name) {
-  static constexpr std::string_view kHarmless[] = {"*EXPANSION",
-                                                   "*CONDUCTIVITY",
-                                                   "*SPECIFICHEAT",
-                                                   "*PHYSICALCONSTANTS",
-                                                   "*TIMEPOINTS",
-                                                   "*SURFACE",
-                                                   "*PARAMETER",
-                                                   "*SECTIONPRINT",
-                                                   "*CONTROLS",
-                                                   "*SOLVERCONTROLS",
-                                                   "*ORIENTATION",
-                                                   "*DAMPING",
-                                                   "*CONTACTOUTPUT",
-                                                   "*SECTIONCONTROLS",
-                                                   "*DIAGNOSTICS",
-                                                   "*FRICTION",
-                                                   "*SURFACEBEHAVIOR",
-                                                   "*SURFACEINTERACTION",
-                                                   "*USERMATERIAL",
-                                                   "*DEPVAR",
-                                                   "*VIEWFACTOR",
-                                                   "*SUBMODEL",
-                                                   "*FILE"};
+  static constexpr std::string_view kHarmless[] = {"*EXPANSION",       "*CONDUCTIVITY",
+                                                   "*SPECIFICHEAT",    "*PHYSICALCONSTANTS",
+                                                   "*TIMEPOINTS",      "*SURFACE",
+                                                   "*PARAMETER",       "*SECTIONPRINT",
+                                                   "*CONTROLS",        "*SOLVERCONTROLS",
+                                                   "*ORIENTATION",     "*DAMPING",
+                                                   "*CONTACTOUTPUT",   "*SECTIONCONTROLS",
+                                                   "*DIAGNOSTICS",     "*FRICTION",
+                                                   "*SURFACEBEHAVIOR", "*SURFACEINTERACTION",
+                                                   "*DEPVAR",          "*VIEWFACTOR",
+                                                   "*SUBMODEL",        "*FILE"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
+}
+
+bool is_inp_material_law(const std::string& name) {
+  static constexpr std::string_view kLaws[] = {"*ELASTIC",
+                                               "*PLASTIC",
+                                               "*CYCLICHARDENING",
+                                               "*CREEP",
+                                               "*HYPERELASTIC",
+                                               "*HYPERFOAM",
+                                               "*HYPOELASTIC",
+                                               "*DEFORMATIONPLASTICITY",
+                                               "*VISCOELASTIC",
+                                               "*VISCOUS",
+                                               "*MULLINSEFFECT",
+                                               "*MOHRCOULOMB",
+                                               "*MOHRCOULOMBHARDENING",
+                                               "*DRUCKERPRAGER",
+                                               "*CAPPLASTICITY",
+                                               "*CONCRETE",
+                                               "*CONCRETEDAMAGEDPLASTICITY",
+                                               "*DAMAGEINITIATION",
+                                               "*POROUSELASTIC",
+                                               "*NOCOMPRESSION",
+                                               "*NOTENSION",
+                                               "*USERMATERIAL"};
+  return std::find(std::begin(kLaws), std::end(kLaws), name) != std::end(kLaws);
 }
 
 }  // namespace espalier::dynamics

@@ -36,8 +36,9 @@ struct InpCard {
   InpKeyword keyword;
   DeckPlace place;
   std::vector<std::pair<std::int64_t, std::string>> lines;
-  std::string scope;  ///< upper-case name of the part or instance that it stands in; empty: none
-  int step = 0;       ///< 0: before the first
+  std::string scope;       ///< upper-case name of the part or instance that it stands in; empty: none
+  int step = 0;            ///< 0: before the first
+  std::string material{};  ///< the last *MATERIAL before it, as written
   [[nodiscard]] CardFields fields(std::size_t line) const {
     return {DeckPlace{place.file, lines[line].first}, lines[line].second};
   }
@@ -45,5 +46,7 @@ struct InpCard {
 
 /// Whether a keyword can be left out without a change of displacements: output, heat, names.
 [[nodiscard]] bool is_harmless_inp_keyword(const std::string& name);
+/// Whether a keyword is a law of the *MATERIAL before it that solids here do not have: plasticity, creep ...
+[[nodiscard]] bool is_inp_material_law(const std::string& name);
 
 }  // namespace espalier::dynamics

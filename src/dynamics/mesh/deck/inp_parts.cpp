@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "dynamics/mesh/deck/inp_deck.hpp"
+#include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -29,7 +30,7 @@ class InpPartReader {
     collect_elements();
     for (const InpCard& card : model_.cards) read(card);
     for (const Single& single : singles_)
-      if (!single.stated) leave_element(single);
+      if (!single.stated && single.type != "CONN3D2") leave_element(single);
     for (const std::string& type : model_.solid_types)
       if (type.starts_with("S") ? !type.starts_with("SFM") && !type.starts_with("SC")
                                 : type.starts_with("B") || type.starts_with("T3D") || type.starts_with("M3D"))
@@ -63,7 +64,7 @@ class InpPartReader {
     if (name == "*SPRING" || name == "*DASHPOT") return spring(card);
     if (name == "*MASS") return mass(card);
     if (name == "*EQUATION") return equations(card);
-    if (name == "*MPC") return mpc(card);
+    if (name == "*MPC") return read_inp_mpc(card, target_);
     if (name == "*RIGIDBODY") return rigid_body(card);
     if (name == "*COUPLING" || name == "*KINEMATICCOUPLING") return coupling(card);
     if (name == "*KINEMATIC" || name == "*DISTRIBUTING") return constraint(card);
@@ -90,20 +91,9 @@ class InpPartReader {
            });
   }
 
-  /// Whether a parameter that changes the meaning is given.
-  bool leaves(const InpCard& card, DeckKind kind, std::initializer_list<const char*> taken) {
-    for (const auto& [key, value] : card.keyword.parameters) {
-      const auto is = [&key = key](const char* word) { return key == word; };
-      if (std::any_of(taken.begin(), taken.end(), is)) continue;
-      target_.leave(kind, fmt::format("{} {}", card.keyword.name, key), card.place);
-      return true;
-    }
-    return false;
-  }
-
   void spring(const InpCard& card) {
     const bool dashpot = card.keyword.name == "*DASHPOT";
-    if (leaves(card, dashpot ? DeckKind::dashpots : DeckKind::springs, {"ELSET"})) {
+    if (target_.leaves_parameter(card, dashpot ? DeckKind::dashpots : DeckKind::springs, {"ELSET"})) {
       of_set(card, [](Single& single) { single.stated = true; });
       return;
     }
@@ -149,9 +139,9 @@ class InpPartReader {
       if (single.type != "MASS") return;
       single.stated = true;
       DeckMass out{single.fields.place(), target_.node(*single.card, single.fields, 1), value, {}, {}};
-      for (const DeckGravity& g : deck_.gravity)
-        if (g.set.empty() || is_in(single, g.set, g.homes))
-          for (std::size_t d = 0; d < 3; ++d) out.gravity[d] += g.acceleration[d];
+      for (std::size_t k = 0; k < deck_.body_loads.size(); ++k)
+        if (const DeckBodyLoad& load = deck_.body_loads[k]; load.set.empty() || is_in(single, load.set, load.homes))
+          out.loads.push_back(k);
       deck_.masses.push_back(out);
     });
   }
@@ -181,31 +171,15 @@ class InpPartReader {
     }
   }
 
-  void mpc(const InpCard& card) {
-    for (std::size_t l = 0; l < card.lines.size(); ++l) {
-      const CardFields f = card.fields(l);
-      const std::string type = upper(f.text(0));
-      if (type != "TIE" && type != "PIN") {
-        target_.leave(DeckKind::equations, fmt::format("*MPC {}", type), card.place);
-        continue;
-      }
-      const std::vector<Index> a = target_.nodes(card, f, 1), b = target_.nodes(card, f, 2);
-      if (b.size() != 1 && b.size() != a.size())
-        fail(f.place(),
-             fmt::format("*MPC {}: the sets have {} and {} nodes; as many are needed", type, a.size(), b.size()));
-      for (std::size_t k = 0; k < a.size(); ++k)
-        for (int d = 0; d < 3; ++d)
-          deck_.equations.push_back({f.place(), {{a[k], d, 1}, {b.size() == 1 ? b[0] : b[k], d, -1}}, 0});
-    }
-  }
-
   Index reference(const InpCard& card) {
     const std::string given = card.keyword.need(LineReader(card.place.file, ""), "REFNODE");
     return target_.node(card, CardFields(card.place, given), 0);
   }
 
   void rigid_body(const InpCard& card) {
-    if (leaves(card, DeckKind::couplings, {"NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET"})) return;
+    if (target_.leaves_parameter(card, DeckKind::couplings,
+                                 {"NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET"}))
+      return;
     DeckCoupling out{card.place, reference(card), {}, true};
     for (const char* key : {"NSET", "TIENSET", "PINNSET"})
       if (card.keyword.has(key)) {
@@ -225,11 +199,12 @@ class InpPartReader {
 
   void coupling(const InpCard& card) {
     const bool old = card.keyword.name == "*KINEMATICCOUPLING";
-    if (leaves(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"})) return;
+    if (target_.leaves_parameter(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"})) return;
     DeckCoupling out{card.place, reference(card), {}, true};
     if (!old) {
       const std::string surface = card.keyword.need(LineReader(card.place.file, ""), "SURFACE");
-      out.nodes = target_.surface_nodes(card, CardFields(card.place, surface), 0, &out.faces);
+      open_faces_.clear();
+      out.nodes = target_.surface_nodes(card, CardFields(card.place, surface), 0, &open_faces_);
       open_ = std::move(out);
       return;
     }
@@ -258,6 +233,13 @@ class InpPartReader {
              fmt::format("{}: degrees of freedom {} to {}; they are 1 to 6", card.keyword.name, first, last));
       for (std::int64_t d = first; d <= last; ++d) held[static_cast<std::size_t>(d - 1)] = true;
     }
+    if (!open_->rigid && !open_faces_.empty()) {
+      open_->nodes.clear();
+      for (const auto& [node, weight] : area_weights(target_.lookup().mesh(), open_faces_)) {
+        open_->nodes.push_back(node);
+        open_->weights.push_back(weight);
+      }
+    }
     const bool all = card.lines.empty() || (held[0] && held[1] && held[2]);
     if (all)
       add_coupling(std::move(*open_));
@@ -267,13 +249,16 @@ class InpPartReader {
   }
 
   void add_coupling(DeckCoupling out) {
-    std::erase(out.nodes, out.reference);
+    if (const auto own = std::find(out.nodes.begin(), out.nodes.end(), out.reference); own != out.nodes.end()) {
+      if (!out.weights.empty()) out.weights.erase(out.weights.begin() + (own - out.nodes.begin()));
+      out.nodes.erase(own);
+    }
     if (out.nodes.empty()) fail(out.place, "the coupling has no nodes beside its reference node");
     deck_.couplings.push_back(std::move(out));
   }
 
   void tie(const InpCard& card) {
-    if (leaves(card, DeckKind::ties, {"NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE"})) return;
+    if (target_.leaves_parameter(card, DeckKind::ties, {"NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE"})) return;
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
       const CardFields f = card.fields(l);
       DeckTie out{f.place(), target_.surface_nodes(card, f, 0), target_.faces(card, f, 1), 0};
@@ -302,6 +287,7 @@ class InpPartReader {
   Deck& deck_;
   std::vector<Single> singles_;
   std::optional<DeckCoupling> open_;
+  std::vector<MeshFace> open_faces_;  // of its surface
   std::map<Index, Index> rotation_nodes_;
 };
 

@@ -16,9 +16,9 @@ namespace {
 /// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
 bool is_harmless_card(const std::string& name) {
   static constexpr std::string_view kHarmless[] = {
-      "PSHELL", "PCOMP", "PBAR", "PBARL",   "PBEAM",   "PROD",   "PELAS",  "PDAMP",  "PBUSH",
-      "EIGRL",  "EIGR",  "SET1", "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "MAT9",   "EPOINT",
-      "ASET",   "ASET1", "USET", "MONPNT1", "AECOMP",  "AELIST", "AEFACT", "AESTAT", "SPOINT"};
+      "PSHELL", "PCOMP", "PBAR",    "PBARL",   "PBEAM",   "PROD",   "PELAS",  "PDAMP",  "PBUSH",
+      "EIGRL",  "EIGR",  "SET1",    "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "EPOINT", "ASET",
+      "ASET1",  "USET",  "MONPNT1", "AECOMP",  "AELIST",  "AEFACT", "AESTAT", "SPOINT"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
 }
 
@@ -51,7 +51,7 @@ class NastranDeckReader {
     for (const NastranCard& card : cards_) note(card);
     case_.spc = chosen(case_.spc, {"SPC", "SPC1", "SPCADD"});
     case_.mpc = chosen(case_.mpc, {"MPC", "MPCADD"});
-    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "LOAD"});
+    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE", "LOAD"});
     solution();
     const std::set<std::int64_t> spc = sum_of_sets("SPCADD", case_.spc), mpc = sum_of_sets("MPCADD", case_.mpc);
     for (const NastranCard& card : cards_)
@@ -65,8 +65,7 @@ class NastranDeckReader {
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
     if (case_.load) read_nastran_loads(cards_, *case_.load, case_.place, systems_, deck_);
     for (DeckMass& mass : deck_.masses)
-      for (const DeckGravity& g : deck_.gravity)
-        for (std::size_t d = 0; d < 3; ++d) mass.gravity[d] += g.acceleration[d];
+      for (std::size_t k = 0; k < deck_.body_loads.size(); ++k) mass.loads.push_back(k);
   }
 
  private:
@@ -144,19 +143,25 @@ class NastranDeckReader {
     if (n == "RBE2") return rigid(card);
     if (n == "RBE3") return mean(card);
     if (n == "PARAM") return parameter(card);
-    static constexpr std::string_view kElsewhere[] = {"SPC",    "SPC1", "SPCADD", "MPC",  "MPCADD", "FORCE",
-                                                      "MOMENT", "LOAD", "PLOAD4", "GRAV", "GRDSET", "GRID"};
+    if (n == "MAT9" && !is_of_solids(card)) return;
+    static constexpr std::string_view kElsewhere[] = {"SPC",  "SPC1",   "SPCADD", "MPC",    "MPCADD", "FORCE", "MOMENT",
+                                                      "LOAD", "PLOAD4", "GRAV",   "RFORCE", "GRDSET", "GRID"};
     if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
       return;
     // Loads that no subcase takes do nothing.
-    static constexpr std::string_view kLoads[] = {"PLOAD",  "PLOAD1", "PLOAD2", "TEMP",    "TEMPD",
-                                                  "RFORCE", "FORCE1", "FORCE2", "MOMENT1", "MOMENT2",
-                                                  "ACCEL",  "ACCEL1", "SPCD",   "DEFORM"};
+    static constexpr std::string_view kLoads[] = {"PLOAD",   "PLOAD1",  "PLOAD2", "TEMP",   "TEMPD", "FORCE1", "FORCE2",
+                                                  "MOMENT1", "MOMENT2", "ACCEL",  "ACCEL1", "SPCD",  "DEFORM"};
     if (std::find(std::begin(kLoads), std::end(kLoads), n) != std::end(kLoads)) {
       if (!case_.load || card.integer(0, "set") != *case_.load) return;
       return leave(DeckKind::dload, n, place_of(card));
     }
     leave(DeckKind::others, n, place_of(card));
+  }
+
+  [[nodiscard]] bool is_of_solids(const NastranCard& material) const {
+    const std::string name = fmt::format("MAT1-{}", material.integer(0, "number"));
+    const auto& sections = deck_.mesh.section_material;
+    return std::any_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == name; });
   }
 
   [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const { return grid_point(systems_, card, k); }
@@ -329,22 +334,25 @@ class NastranDeckReader {
 
   void mean(const NastranCard& card) {
     DeckCoupling out{place_of(card), grid(card, 2), {}, false};
-    std::optional<double> weight;
+    std::map<Index, double> weights;
+    double weight = 1;
     for (std::size_t k = 4; k < card.fields.size(); ++k) {
       const std::string& field = card.field(k);
       if (field.empty()) continue;
       if (upper(field) == "UM") return leave(DeckKind::couplings, "RBE3 with UM", place_of(card));
       if (upper(field) == "ALPHA") break;
       if (field.find('.') == std::string::npos) {
-        out.nodes.push_back(grid(card, k));
+        weights[grid(card, k)] += weight;
         continue;
       }
-      const double here = card.real(k, "weight");
-      if (weight && here != *weight) return leave(DeckKind::couplings, "RBE3 with different weights", place_of(card));
-      weight = here;
+      weight = card.real(k, "weight");
       const std::vector<int> directions = directions_of(card, ++k);
       if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
         return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
+    }
+    for (const auto& [node, w] : weights) {
+      out.nodes.push_back(node);
+      out.weights.push_back(w);
     }
     add_coupling(card, std::move(out));
   }
@@ -352,7 +360,7 @@ class NastranDeckReader {
   void add_coupling(const NastranCard& card, DeckCoupling out) {
     if (std::find(out.nodes.begin(), out.nodes.end(), out.reference) != out.nodes.end())
       card.fail(fmt::format("grid point {} depends on itself", node_name(deck_.mesh, out.reference)));
-    sort_unique(out.nodes);
+    if (out.rigid) sort_unique(out.nodes);
     if (out.nodes.empty()) card.fail("couples no grid points");
     deck_.couplings.push_back(std::move(out));
   }

@@ -43,7 +43,7 @@ std::vector<double> strained_by(const ReducedBody& body, const State& s, double 
 
 }  // namespace
 
-SampledBody::SampledBody(const BuiltBody& body) : body_(body), material_(body.material) {
+SampledBody::SampledBody(const BuiltBody& body) : body_(body) {
   if (body.flexible == nullptr)
     throw std::invalid_argument(fmt::format(
         "'{}' is rigid: there is no stress or strain in it; ask for the forces of its joints", body.spec.name));
@@ -118,8 +118,7 @@ void SampledBody::sample_element(Index e, const double* position, bool with_ener
   out.energy[at] = own.group->evaluate(own.local, {from, to, nullptr}, result) ? result.energy : kNone;
 }
 
-void SampledBody::stress_of(const double (&strain)[6], bool linear, double (&stress)[6]) const {
-  Material law = material_;
+void SampledBody::stress_of(Material law, const double (&strain)[6], bool linear, double (&stress)[6]) {
   if (linear) law.law = SolidLaw::st_venant_kirchhoff;
   StrainStress s;
   if (!StrainMaterial(law).stress(strain, s)) {
@@ -140,8 +139,9 @@ void SampledBody::stress_of(const double (&strain)[6], bool linear, double (&str
 }
 
 void SampledBody::stresses(Index e, bool linear, std::size_t at, FieldTable& out) const {
+  const Material* solid = material_of(*element(e).group);
   for (std::size_t q = 0; q < points_of(points(e)).size(); ++q)
-    stress_of(out.strain[at].value[q], linear, out.stress[at].value[q]);
+    stress_of(solid != nullptr ? *solid : material_, out.strain[at].value[q], linear, out.stress[at].value[q]);
 }
 
 FieldTable SampledBody::sample(const State& s, std::span<const Index> which, base::ThreadPool* pool,
