@@ -43,6 +43,7 @@ class Parts:
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
+        materials: table. { SET = "steel", ... }: materials of element sets, before material, which the others have
 
         type "cable" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, material as above):
         start: list of three numbers [length], needed
@@ -273,6 +274,14 @@ class Parts:
         face: text, needed
         pressure: expression [force/length^2], needed. on a face set of a solid, positive towards it
 
+        type "body-load" (body, active as above):
+        element_set: text
+        acceleration: list of three numbers [length/time^2], default [0, 0, 0]
+        force_density: list of three numbers [force/length^3], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        point: list of three numbers [length], default [0, 0, 0]
+        factor: expression
+
         type "guide" (a, b, bodies, at, rotation, axis, x_axis, active, damping as above):
         stiffness: number > 0 [force/length], needed
         friction: number, default 0
@@ -485,6 +494,7 @@ class Parts:
             (mesh coordinates), for meshes without face sets
         most_nodes: whole number, default 240. of means: larger face sets are thinned out evenly, to about so many
             nodes; 0: never
+        weights: list of numbers. of means of nodes: one number for each, in their order (of a set: as in the mesh)
         """
         return self.part("markers", name, keys)
 

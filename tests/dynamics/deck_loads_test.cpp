@@ -76,9 +76,9 @@ TEST_F(DeckLoads, ModesOfSeveralMaterials) {
 // What a material has beside constant isotropic elasticity is an error where elements are of it.
 TEST_F(DeckLoads, LawsOfMaterials) {
   const std::string load = kClamp + kStatic + "*CLOAD\nX2, 1, 1.\n";
-  refused(two("*ELASTIC\n250., 0.\n*PLASTIC\n1., 0.\n") + load, {"bar.inp:27: ", "*PLASTIC of material SOFT (1)"});
+  refused(two("*ELASTIC\n250., 0.\n*PLASTIC\n1., 0.\n") + load, {"bar.inp:29: ", "*PLASTIC of material SOFT (1)"});
   refused(two("*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1.,1.,1.,.1,.1,.1,1.,1.\n1.\n") + load,
-          {"bar.inp:25: ", "*ELASTIC TYPE=ENGINEERING CONSTANTS of material SOFT"});
+          {"bar.inp:27: ", "*ELASTIC TYPE=ENGINEERING CONSTANTS of material SOFT"});
   refused(two("*HYPERELASTIC, NEO HOOKE\n1., 0.\n") + load, {"*HYPERELASTIC of material SOFT"});
   refused(two("*USER MATERIAL, CONSTANTS=1\n1.\n") + load, {"*USERMATERIAL of material SOFT"});
   // A material of no element, and one with a table of temperatures: the first are taken, as CalculiX does.
@@ -87,7 +87,7 @@ TEST_F(DeckLoads, LawsOfMaterials) {
   const Simulation s = run(two("*ELASTIC\n250., 0., -20.\n125., 0., 100.\n") + load);
   EXPECT_NEAR(moved(s, 3).x(), 20e-3, 1e-14);
   EXPECT_NE(
-      notices(s).find("bar.inp:25: material SOFT: *ELASTIC has values for 2 temperatures; those of the first, -20, are "
+      notices(s).find("bar.inp:27: material SOFT: *ELASTIC has values for 2 temperatures; those of the first, -20, are "
                       "taken"),
       std::string::npos)
       << notices(s);

@@ -41,7 +41,13 @@ class LoadedMaterial final : public PressedFaces {
   }
 
   [[nodiscard]] const char* measure() const override { return "factor"; }
-  void declare(PatternBuilder&) const override {}  // pairs of vertices that the body itself has
+  /// Pairs of vertices that the body has, too; without a spin only which coordinates the load acts on.
+  void declare(PatternBuilder& w) const override {
+    for (const Index row : rows_) w.add(row, row);
+    for (const Pair& pair : pairs_)
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t i = 0; i < 3; ++i) w.add(rows_[3 * pair.row + i], rows_[3 * pair.column + j]);
+  }
   void bind(const SparsePattern& w) override {
     entries_.clear();
     for (const Pair& pair : pairs_)
@@ -102,14 +108,13 @@ class LoadedMaterial final : public PressedFaces {
 std::unique_ptr<PressedFaces> load_material(const FlexibleBody& body, const Mesh& mesh, std::span<const Index> elements,
                                             const ElementMaterials& materials, const BodyLoadLaw& law) {
   if (body.vertices_per_node() != 1) throw std::invalid_argument("body loads act on solids only");
-  std::vector<Index> all;
+  std::vector<Index> solids(elements.begin(), elements.end());
   if (elements.empty()) {
-    all.resize(at(mesh.element_count()));
-    std::iota(all.begin(), all.end(), 0);
-    std::erase_if(all, [&](Index e) { return shape_of(mesh.type(e)).dimension < 3; });
-    elements = all;
+    solids.resize(at(mesh.element_count()));
+    std::iota(solids.begin(), solids.end(), 0);
   }
-  return std::make_unique<LoadedMaterial>(body, mesh, elements, materials, law);
+  std::erase_if(solids, [&](Index e) { return !is_simulated_solid(mesh.type(e)); });
+  return std::make_unique<LoadedMaterial>(body, mesh, solids, materials, law);
 }
 
 }  // namespace espalier::dynamics

@@ -13,6 +13,7 @@ namespace espalier::dynamics {
 namespace {
 
 using ConnectorAxes = std::array<Point, 3>;
+constexpr ConnectorAxes kGlobalAxes = {Point{1, 0, 0}, Point{0, 1, 0}, Point{0, 0, 1}};
 
 /// A type, or a translational and a rotational one, as Abaqus calls it; the joint that it is (empty: none holds), and
 /// which components of relative motion are free, 1 to 6.
@@ -53,12 +54,13 @@ struct ConnectorBehavior {
 
 class InpConnectorReader {
  public:
-  InpConnectorReader(const InpModel& model, const InpTarget& target) : model_(model), target_(target) {}
+  InpConnectorReader(const InpModel& model, const InpTarget& target, int step)
+      : model_(model), target_(target), step_(step) {}
 
   void run() {
     for (const InpCard& card : model_.cards) {
-      if (card.keyword.name == "*ORIENTATION") orientation(card);
-      if (card.keyword.name.starts_with("*CONNECTOR")) behavior(card);
+      if (card.keyword.name == "*ORIENTATION") orientations_[upper(card.keyword.get("NAME"))] = &card;
+      if (card.keyword.name.starts_with("*CONNECTOR") && card.step <= step_) behavior(card);
     }
     for (const InpCard& card : model_.cards)
       if (card.keyword.name == "*CONNECTORSECTION") section(card);
@@ -74,13 +76,12 @@ class InpConnectorReader {
   static bool is_connector(const InpCard& card) { return upper(card.keyword.get("TYPE")) == "CONN3D2"; }
   void leave(const std::string& what, const DeckPlace& place) { target_.leave(DeckKind::connectors, what, place); }
 
-  void orientation(const InpCard& card) {
-    const std::string name = upper(card.keyword.get("NAME")), system = upper(card.keyword.get("SYSTEM")),
-                      by = upper(card.keyword.get("DEFINITION"));
+  ConnectorAxes orientation(const InpCard& card) {
+    const std::string system = upper(card.keyword.get("SYSTEM")), by = upper(card.keyword.get("DEFINITION"));
     if ((!system.empty() && system != "RECTANGULAR") || (!by.empty() && by != "COORDINATES")) {
-      refused_axes_[name] =
-          fmt::format("*ORIENTATION {}={}", by.empty() ? "SYSTEM" : "DEFINITION", by.empty() ? system : by);
-      return;
+      leave(fmt::format("*ORIENTATION {}={}", by.empty() ? "SYSTEM" : "DEFINITION", by.empty() ? system : by),
+            card.place);
+      return kGlobalAxes;
     }
     if (card.lines.empty()) fail(card.place, "*ORIENTATION needs a line of six numbers");
     const CardFields f = card.fields(0);
@@ -94,7 +95,7 @@ class InpConnectorReader {
     if (z == Point{}) fail(card.place, "*ORIENTATION: its points make no axes");
     ConnectorAxes axes = {x, cross_product(z, x), z};
     if (card.lines.size() > 1) turn(card.fields(1), axes);
-    axes_[name] = axes;
+    return axes;
   }
 
   /// About one of the axes, by degrees.
@@ -139,16 +140,12 @@ class InpConnectorReader {
     (elastic ? open_->stiffness : open_->damping)[static_cast<std::size_t>(component - 1)] = value;
   }
 
-  [[nodiscard]] const ConnectorAxes* axes_of(const InpCard& card, const std::string& name) {
-    static constexpr ConnectorAxes kGlobal = {Point{1, 0, 0}, Point{0, 1, 0}, Point{0, 0, 1}};
-    if (name.empty()) return &kGlobal;
-    if (const auto refused = refused_axes_.find(upper(name)); refused != refused_axes_.end()) {
-      leave(refused->second, card.place);
-      return nullptr;
-    }
-    const auto found = axes_.find(upper(name));
-    if (found == axes_.end()) fail(card.place, fmt::format("*CONNECTOR SECTION: there is no *ORIENTATION '{}'", name));
-    return &found->second;
+  ConnectorAxes axes_of(const InpCard& card, const std::string& name) {
+    if (name.empty()) return kGlobalAxes;
+    const auto found = orientations_.find(upper(name));
+    if (found == orientations_.end())
+      fail(card.place, fmt::format("*CONNECTOR SECTION: there is no *ORIENTATION '{}'", name));
+    return orientation(*found->second);
   }
 
   static std::string type_of(const InpCard& card) {
@@ -181,10 +178,8 @@ class InpConnectorReader {
           out.free.find(static_cast<char>('1' + k)) == std::string::npos)
         leave(fmt::format("*CONNECTOR ELASTICITY or DAMPING of component {} of {}", k + 1, type), card.place);
     const CardFields names = card.lines.size() > 1 ? card.fields(1) : CardFields(card.place, "");
-    const Axes *a = axes_of(card, names.text(0)), *b = names.has(1) ? axes_of(card, names.text(1)) : a;
-    if (a == nullptr || b == nullptr) a = b = axes_of(card, "");
-    out.axes_a = *a;
-    out.axes_b = *b;
+    out.axes_a = axes_of(card, names.text(0));
+    out.axes_b = names.has(1) ? axes_of(card, names.text(1)) : out.axes_a;
     elements(card, out);
   }
 
@@ -224,8 +219,8 @@ class InpConnectorReader {
 
   const InpModel& model_;
   const InpTarget& target_;
-  std::map<std::string, ConnectorAxes> axes_;
-  std::map<std::string, std::string> refused_axes_;
+  int step_;  // the one that is taken
+  std::map<std::string, const InpCard*> orientations_;
   std::map<std::string, ConnectorBehavior> behaviors_;
   ConnectorBehavior* open_ = nullptr;
   std::set<std::pair<const InpCard*, std::size_t>> stated_;  // lines of elements
@@ -233,6 +228,8 @@ class InpConnectorReader {
 
 }  // namespace
 
-void read_inp_connectors(const InpModel& model, const InpTarget& target) { InpConnectorReader(model, target).run(); }
+void read_inp_connectors(const InpModel& model, const InpTarget& target, int step) {
+  InpConnectorReader(model, target, step).run();
+}
 
 }  // namespace espalier::dynamics

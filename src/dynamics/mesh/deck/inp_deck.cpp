@@ -51,7 +51,7 @@ class InpDeckReader {
       for (const InpCard& card : model_.cards)
         if (card.keyword.name == "*DAMPING") leave(DeckKind::others, card.keyword.name, card);
     read_inp_parts(model_, target_);
-    read_inp_connectors(model_, target_);
+    read_inp_connectors(model_, target_, wanted_);
     note_formulations();
   }
 

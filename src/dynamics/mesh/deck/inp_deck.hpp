@@ -47,7 +47,8 @@ class InpTarget {
 /// Springs, dashpots, masses, equations, couplings, ties.
 [[nodiscard]] bool is_inp_part_keyword(const std::string& name);
 void read_inp_mpc(const InpCard& card, const InpTarget& target);
-void read_inp_connectors(const InpModel& model, const InpTarget& target);
+/// @param step  the one that is taken
+void read_inp_connectors(const InpModel& model, const InpTarget& target, int step);
 void read_inp_parts(const InpModel& model, const InpTarget& target);
 
 }  // namespace espalier::dynamics

@@ -31,7 +31,7 @@ std::span<const PartKeys> all_part_keys() {
        "gravity type mass position velocity"},
       {"bodies", "solid",
        "gravity type position rotation velocity angular_velocity damping reduce mesh element_set hex8 "
-       "reduced_hex20 material"},
+       "reduced_hex20 material materials"},
       {"bodies", "cable",
        "gravity type position rotation velocity angular_velocity damping reduce start end elements radius "
        "axial bending mass_per_length material"},
@@ -116,6 +116,8 @@ std::span<const PartKeys> all_part_keys() {
        "type a force moment factor follower active"},
       {"forces", "pressure",
        "type body face pressure active"},
+      {"forces", "body-load",
+       "type body element_set acceleration force_density angular_velocity point factor active"},
       {"forces", "guide",
        "type a b bodies at rotation axis x_axis active stiffness damping friction slip_speed smoothing "
        "both_sides start direction lengths curvatures"},
@@ -150,7 +152,7 @@ std::span<const PartKeys> all_part_keys() {
        "law young poisson density"},
       {"markers", "",
        "same_as body global point axis x_axis rotation attach node near face nodes edge radius bore "
-       "most_nodes"},
+       "most_nodes weights"},
       {"supports", "",
        "body node near face nodes edge radius bore hold symmetry rotation motion"},
       {"equations", "",
