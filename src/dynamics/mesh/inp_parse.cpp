@@ -158,11 +158,11 @@ class InpParser {
   }
 
   /// Elements that are no solids, surfaces or lines: masses, springs, connectors, rigid faces ...; what sets hold of
-  /// them is left out. A line that ends with a comma goes on in the next.
+  /// them is left out. A line that ends with a comma goes on in the next, but that of a connector to the ground.
   void passed_over(LineReader& reader, const InpKeyword& k, const std::string& name, InpSet* set) {
     InpCard* card = model_.is_deck ? &add_card(reader, k) : nullptr;
     std::string_view line;
-    for (bool goes_on = false; next_inp_data(reader, line); goes_on = trim(line).back() == ',') {
+    for (bool goes_on = false; next_inp_data(reader, line); goes_on = name != "CONN3D2" && trim(line).back() == ',') {
       if (card != nullptr && goes_on) card->lines.back().second += line;
       if (goes_on) continue;
       if (card != nullptr) card->lines.emplace_back(reader.line(), line);

@@ -28,6 +28,7 @@ class InpMpc {
 
   void finish() {
     if (type_ == "TIE" || type_ == "PIN") return tie();
+    if (type_ == "LINK") type_ = "BEAM";  // as Abaqus calls it between nodes that do not turn
     const bool known = type_ == "BEAM" || type_ == "PLANE" || type_ == "STRAIGHT";
     if (!known) return target_.leave(DeckKind::equations, fmt::format("*MPC {}", type_), place_);
     if (const DeckStep& step = target_.deck().step; step.large || step.kind == DeckStep::Kind::motion)
