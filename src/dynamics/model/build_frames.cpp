@@ -130,7 +130,7 @@ std::optional<Vec3> arm_of(const MarkerSpec& m, const BuiltBody& body, const Fle
   Vec3 mean = Vec3::Zero();
   for (const FrameVertex& v : frame.vertices())
     mean += v.weight * Eigen::Map<const Vec3>(body.flexible->reference().data() + 3 * v.vertex);
-  return frame.axes().transpose() * (*wanted_mean(m, body) - mean);
+  return Vec3(frame.axes().transpose() * (*wanted_mean(m, body) - mean));
 }
 
 }  // namespace

@@ -153,6 +153,7 @@ void InpLoads::body_load(const InpCard& card, const CardFields& f, const std::st
                                                       : "force");
   DeckBodyLoad load{f.place(), label, {}, {}, {}, {}, {}, curve, card.step, upper(f.text(0)), {}};
   if (f.has(0)) load.elements = target_.elements(card, f);
+  sort_unique(load.elements);
   load.homes = target_.lookup().homes(card.scope);
   const std::size_t vector = label == "CENTRIF" ? 6 : 3;
   const Point direction =
