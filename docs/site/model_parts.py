@@ -28,7 +28,7 @@ PARTS = {
     "bodies": {
         "rigid": ("read read_rigid read_rigid_of_surface read_rigid_motion",
                   "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read read_point", "", "mass"),
-        "solid": (_FLEXIBLE + "read_solid plain_material read_materials", "", "mesh"),
+        "solid": (_FLEXIBLE + "read_solid plain_material", "", "mesh"),
         "cable": (_FLEXIBLE + "read_cable plain_material", "", "start end"),
         "beam": (_FLEXIBLE + "read_axis read_beam plain_material", "", ""),
         "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file plain_material", "", ""),
@@ -54,9 +54,9 @@ PARTS = {
         **{t: (f"read_spring read_force {_FRAMES}", _TWO + "stiffness damping rest preload actuator", "")
            for t in ("spring", "axial-spring", "rotational-spring")},
         "bushing": (f"read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
-        "load": ("read_force read_frames", "type a force moment factor follower active", "a"),
+        "load": ("read_force read_frames read_body_load", "type a force moment factor follower active body element_set acceleration"
+                 " force_density angular_velocity point", ""),
         "pressure": ("read_force", "type body face pressure active", "body face pressure"),
-        "body-load": ("read_body_load read_force", "type body element_set acceleration force_density angular_velocity point factor active", "body"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"
                   " lengths curvatures", "stiffness smoothing lengths curvatures"),
         "cable": ("read_through read_cable_force read_force", "type through stiffness damping length friction slip_speed active", "through stiffness"),
@@ -71,7 +71,7 @@ PARTS = {
     "contacts": {"": ("read_contact read_contact_law", "", "surfaces stiffness")},
     "materials": {"": ("read_material", "", "young")},
     "markers": {"": ("read_marker read_attach read_axes read_where read_nodes", "same_as body global point axis x_axis rotation attach node near face"
-                     " nodes edge radius bore most_nodes weights", "")},
+                     " nodes edge radius bore most_nodes", "")},
     "supports": {"": ("read_where read_nodes read_support read_hold read_symmetry", "body node near face nodes edge radius bore hold symmetry"
                       " rotation motion", "body")},
     "equations": {"": ("read_equation", "", "terms")},
@@ -122,7 +122,7 @@ def type_of(section, kind, key):
     """What Python takes for a key."""
     special = {("forces", "force-motor", "force"): "Number", ("forces", "bushing", "stiffness"): "Vector",
                ("forces", "bushing", "damping"): "Vector"}
-    by_name = {("bodies", "material"): "str | Material", ("bodies", "materials"): "Mapping[str, str | Material]", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
+    by_name = {("bodies", "material"): "str | Material", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
                ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
                ("supports", "motion"): "Displacements", ("supports", "symmetry"): "str | Vector", ("joints", "limits"): "Limits",
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",

@@ -43,7 +43,6 @@ class Parts:
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
-        materials: table. { SET = "steel", ... }: materials of element sets, before material, which the others have
 
         type "cable" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, material as above):
         start: list of three numbers [length], needed
@@ -262,25 +261,22 @@ class Parts:
         angular_stiffness: list of three numbers [force length/angle], default [0, 0, 0]
         angular_damping: list of three numbers [force length time/angle], default [0, 0, 0]
 
-        type "load" (active as above):
-        a: a marker's name or a table, needed
+        type "load" (a, active as above):
         force: three numbers or expressions [force]. each component a number or an expression
         moment: three numbers or expressions [force length]. each component a number or an expression
         factor: expression. each component a number or an expression
         follower: true or false, default false
-
-        type "pressure" (active as above):
-        body: text, needed
-        face: text, needed
-        pressure: expression [force/length^2], needed. on a face set of a solid, positive towards it
-
-        type "body-load" (body, active as above):
+        body: text
         element_set: text
         acceleration: list of three numbers [length/time^2], default [0, 0, 0]
         force_density: list of three numbers [force/length^3], default [0, 0, 0]
         angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         point: list of three numbers [length], default [0, 0, 0]
-        factor: expression
+
+        type "pressure" (active as above):
+        body: text, needed
+        face: text, needed
+        pressure: expression [force/length^2], needed. on a face set of a solid, positive towards it
 
         type "guide" (a, b, bodies, at, rotation, axis, x_axis, active, damping as above):
         stiffness: number > 0 [force/length], needed
@@ -494,7 +490,6 @@ class Parts:
             (mesh coordinates), for meshes without face sets
         most_nodes: whole number, default 240. of means: larger face sets are thinned out evenly, to about so many
             nodes; 0: never
-        weights: list of numbers. of means of nodes: one number for each, in their order (of a set: as in the mesh)
         """
         return self.part("markers", name, keys)
 

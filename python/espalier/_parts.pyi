@@ -556,8 +556,7 @@ class Parts:
         self, name: str, /, type: Literal["solid"], *, mesh: Mesh, gravity: Vector = ..., position: Vector = ...,
         rotation: Vector | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping =
         ..., reduce: Reduction = ..., element_set: str = ..., hex8: Literal["full", "mean-dilatation", "enhanced",
-        "shell"] = ..., reduced_hex20: bool = ..., material: str | Material = ..., materials: Mapping[str, str |
-        Material] = ...
+        "shell"] = ..., reduced_hex20: bool = ..., material: str | Material = ...
     ) -> str:
         """Adds [bodies.NAME], type "solid", and returns the name.
 
@@ -576,7 +575,6 @@ class Parts:
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
-        materials: table. { SET = "steel", ... }: materials of element sets, before material, which the others have
         """
     @overload
     def body(
@@ -1509,17 +1507,24 @@ class Parts:
         """
     @overload
     def force(
-        self, name: str, /, type: Literal["load"], *, a: str | Frame, force: Vector = ..., moment: Vector = ...,
-        factor: Number = ..., follower: bool = ..., active: bool = ...
+        self, name: str, /, type: Literal["load"], *, a: str | Frame = ..., force: Vector = ..., moment: Vector = ...,
+        factor: Number = ..., follower: bool = ..., active: bool = ..., body: str = ..., element_set: str = ...,
+        acceleration: Vector = ..., force_density: Vector = ..., angular_velocity: Vector = ..., point: Vector = ...
     ) -> str:
         """Adds [forces.NAME], type "load", and returns the name.
 
-        a: a marker's name or a table, needed
+        a: a marker's name or a table
         force: three numbers or expressions [force]. each component a number or an expression
         moment: three numbers or expressions [force length]. each component a number or an expression
         factor: expression. each component a number or an expression
         follower: true or false, default false
         active: true or false, default true
+        body: text
+        element_set: text
+        acceleration: list of three numbers [length/time^2], default [0, 0, 0]
+        force_density: list of three numbers [force/length^3], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        point: list of three numbers [length], default [0, 0, 0]
         """
     @overload
     def force(
@@ -1530,23 +1535,6 @@ class Parts:
         body: text, needed
         face: text, needed
         pressure: expression [force/length^2], needed. on a face set of a solid, positive towards it
-        active: true or false, default true
-        """
-    @overload
-    def force(
-        self, name: str, /, type: Literal["body-load"], *, body: str, element_set: str = ..., acceleration: Vector =
-        ..., force_density: Vector = ..., angular_velocity: Vector = ..., point: Vector = ..., factor: Number = ...,
-        active: bool = ...
-    ) -> str:
-        """Adds [forces.NAME], type "body-load", and returns the name.
-
-        body: text, needed
-        element_set: text
-        acceleration: list of three numbers [length/time^2], default [0, 0, 0]
-        force_density: list of three numbers [force/length^3], default [0, 0, 0]
-        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
-        point: list of three numbers [length], default [0, 0, 0]
-        factor: expression
         active: true or false, default true
         """
     @overload
@@ -1877,7 +1865,7 @@ class Parts:
         self, name: str, /, *, same_as: str = ..., body: str = ..., global_: bool = ..., point: Vector = ..., axis:
         Vector = ..., x_axis: Vector = ..., rotation: Vector | Rotation = ..., attach: Literal["mean", "rigid"] = ...,
         node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., edge: Texts = ...,
-        radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ..., weights: Numbers = ...
+        radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
     ) -> str:
         """Adds [markers.NAME], and returns the name.
 
@@ -1906,7 +1894,6 @@ class Parts:
             (mesh coordinates), for meshes without face sets
         most_nodes: whole number, default 240. of means: larger face sets are thinned out evenly, to about so many
             nodes; 0: never
-        weights: list of numbers. of means of nodes: one number for each, in their order (of a set: as in the mesh)
         """
     def spline(
         self, name: str, /, *, kind: Literal["linear", "akima", "monotone", "cubic"] = ..., outside:

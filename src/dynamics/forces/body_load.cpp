@@ -40,7 +40,6 @@ class LoadedMaterial final : public PressedFaces {
     note_vertices(loaded, constant, mass);
   }
 
-  [[nodiscard]] const char* measure() const override { return "factor"; }
   /// Pairs of vertices that the body has, too; without a spin only which coordinates the load acts on.
   void declare(PatternBuilder& w) const override {
     for (const Index row : rows_) w.add(row, row);

@@ -21,8 +21,6 @@ class FacePressure final : public Component, public Switching {
   void set_pressure(StateFunctionPtr pressure) { pressure_ = ForceInputs({std::move(pressure)}); }
   /// A pressure that is switched off is zero; it keeps its place in the tangent.
   void set_active(bool active) { active_ = active; }
-  /// What the pressure is called; "factor" of a body load.
-  [[nodiscard]] const char* measure() const { return faces_->measure(); }
   [[nodiscard]] const StateFunctionPtr& function() const { return pressure_.functions().front(); }
   /// On the function: that of the loads, zero where the pressure is switched off.
   [[nodiscard]] double factor() const { return active_ ? load_factor() : 0; }

@@ -12,12 +12,10 @@
 namespace espalier::dynamics {
 
 /// Even over the faces, normal to them, on their deformed area (a follower): F = p * integral of N_a (dx/dxi x
-/// dx/deta). Or another load that a number multiplies, see body_load.hpp.
+/// dx/deta).
 class PressedFaces {
  public:
   virtual ~PressedFaces() = default;
-  /// What the number is called.
-  [[nodiscard]] virtual const char* measure() const { return "pressure"; }
   /// Velocity coordinates of the body that the faces depend on, each once.
   [[nodiscard]] const std::vector<Index>& rows() const { return rows_; }
   virtual void declare(PatternBuilder& w) const = 0;

@@ -4,9 +4,11 @@
 #include <stdexcept>
 
 #include "dynamics/bodies/modal_damping.hpp"
+#include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/relative.hpp"
+#include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/hold_joint.hpp"
@@ -213,7 +215,7 @@ class Builder {
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
-    } else if (given.type == ForceType::body_load) {
+    } else if (given.type == ForceType::load && given.frames.empty()) {
       add_body_load(given);
     } else if (given.type == ForceType::cable) {
       const ForceSpec f = completed(given, frames_, out_);
@@ -262,10 +264,11 @@ class Builder {
     if (!body->mesh || body->reduced != nullptr)
       throw std::invalid_argument("body loads act on solids, which are not reduced");
     const std::span<const Index> elements =
-        f.element_set.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.element_set));
-    if (body->spec.massless && (!f.body_load.acceleration.isZero(0) || !f.body_load.spin.isZero(0)))
+        f.face.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.face));
+    const BodyLoadLaw law{f.linear_damping, f.linear, f.angular, f.start};
+    if (body->spec.massless && (!law.acceleration.isZero(0) || !law.spin.isZero(0)))
       throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
-    auto load = load_material(*body->flexible, *body->mesh, elements, body->materials, f.body_load);
+    auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);
     out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(load))));
   }
 
@@ -317,7 +320,6 @@ class Builder {
       }
       case ForceType::cable:
       case ForceType::pressure:
-      case ForceType::body_load:
         break;
     }
     throw std::logic_error("a type of force is missing in the builder");

@@ -152,12 +152,12 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   std::vector<Index> elements =
       solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));
   drop_others(*mesh, elements);
-  out.materials = solid_materials(*mesh, solid, elements, statics, out.spec.massless);
+  const ElementMaterials materials = solid_materials(*mesh, solid, elements, statics, out.spec.massless);
+  out.material = materials.list.front();
   std::vector<double> reference;
   for (const Point& p : mesh->nodes) reference.insert(reference.end(), p.begin(), p.end());
-  auto body =
-      std::make_unique<FlexibleBody>(spec.name, 1, std::move(reference),
-                                     make_solid_groups(*mesh, elements, out.materials, solid.options, &pool), &pool);
+  auto body = std::make_unique<FlexibleBody>(
+      spec.name, 1, std::move(reference), make_solid_groups(*mesh, elements, materials, solid.options, &pool), &pool);
   out.notices = mesh->notices;
   if (file != nullptr) {  // meshers refuse to make elements that are folded
     std::string folds = corner_folds(*mesh, elements, &pool);

@@ -4,7 +4,6 @@
 #include <limits>
 #include <map>
 #include <numbers>
-#include <numeric>
 #include <optional>
 #include <set>
 
@@ -26,8 +25,9 @@ Vec3 reference_node(const FlexibleBody& body, Index node) {
 
 /// In how many ways a marker says where on a flexible body it is.
 int ways_of(const MarkerSpec& m) {
-  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) + (m.by_nodes() ? 1 : 0) +
-         (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
+  const bool weighed = m.by_nodes() && m.attach == Attach::mean;  // the face says how much
+  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() || weighed ? 0 : 1) +
+         (m.by_nodes() ? 1 : 0) + (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
 }
 
 void check_ways(const MarkerSpec& m) {
@@ -229,15 +229,13 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, const BuiltBody& body) const {
   check_ways(m);
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  if (!m.face.empty() || m.bore) return make_face(m, body, axes);
+  if ((!m.face.empty() && !m.by_nodes()) || m.bore) return make_face(m, body, axes);
   const FlexibleBody& flexible = *body.flexible;
   if (!m.edge.empty() || (m.by_nodes() && (m.attach == Attach::mean || !body.mesh))) return make_mean(m, body, axes);
   if (m.by_nodes()) {
     const std::vector<Index> set = nodes_of(m, body);
     std::vector<FrameVertex> vertices;
-    const std::vector<double> weights = m.weights.empty() ? std::vector<double>(set.size(), 1) : weights_of(m, body);
-    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
-    for (std::size_t k = 0; k < set.size(); ++k) vertices.push_back({set[k], weights[k] / sum, Vec3::Zero()});
+    for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
     return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
   }
   const Index k = node(m, body);

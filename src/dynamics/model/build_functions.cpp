@@ -122,13 +122,12 @@ class FunctionBuilder {
       if (component) inputs.push_back(make(*component));
     const auto drive = out_.drives.find(spec.name);
     if (drive != out_.drives.end()) {
-      const double otherwise = spec.type == ForceType::load || spec.type == ForceType::body_load ? 1 : 0;
+      const double otherwise = spec.type == ForceType::load ? 1 : 0;
       inputs.push_back(std::make_shared<DrivenFunction>(
           spec.formula ? make(*spec.formula) : constant_function(otherwise), drive->second));
     } else if (spec.formula) {
       inputs.push_back(make(*spec.formula));
     }
-    if (spec.type == ForceType::body_load && inputs.empty()) inputs.push_back(constant_function(1));
     if (FacePressure* pressure = out_.pressure(spec.name))
       pressure->set_pressure(std::move(inputs.front()));
     else

@@ -7,8 +7,8 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/model/builders.hpp"
-#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -135,23 +135,6 @@ std::vector<HeldPoint> FrameBuilder::held_points(const MarkerSpec& m, const Buil
   return points;
 }
 
-std::vector<double> weights_of(const MarkerSpec& m, const BuiltBody& body) {
-  std::map<Index, double> sums;  // of labels that are there twice, both count
-  if (m.labels.size() == m.weights.size()) {
-    const std::vector<Index> nodes = nodes_labelled(body, m.labels);
-    for (std::size_t k = 0; k < nodes.size(); ++k) sums[nodes[k]] += m.weights[k];
-  } else if (const std::size_t size = m.labels.empty() && body.mesh ? body.mesh->node_set(m.nodes).size() : 0;
-             size == m.weights.size()) {
-    return m.weights;
-  } else {
-    throw std::invalid_argument(fmt::format("there are {} weights of {} nodes; give one for each", m.weights.size(),
-                                            m.labels.empty() ? size : m.labels.size()));
-  }
-  std::vector<double> weights;
-  for (const auto& [node, weight] : sums) weights.push_back(weight);
-  return weights;
-}
-
 std::array<std::size_t, 3> FrameBuilder::base_points(const std::vector<HeldPoint>& points) {
   const auto farthest = [&](const auto& distance) {
     std::size_t best = 0;
@@ -181,11 +164,26 @@ std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const Ma
           centre};
 }
 
+namespace {
+
+/// Of nodes of a solid, ascending: the integrals of their shape functions over faces.
+std::vector<double> shares_of_area(const Mesh& mesh, const std::string& face, const std::vector<Index>& nodes) {
+  const std::map<Index, double> shares = area_weights(mesh, mesh.face_set(face));
+  std::vector<double> weights;
+  for (const Index node : nodes) {
+    const auto found = shares.find(node);
+    weights.push_back(found == shares.end() ? 0 : found->second);
+  }
+  return weights;
+}
+
+}  // namespace
+
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, const BuiltBody& body,
                                                        const Mat3& axes) const {
   const std::vector<HeldPoint> points = points_of(m, body);
   std::vector<double> weights(points.size(), 1);
-  if (!m.weights.empty() && body.flexible->vertices_per_node() == 1) weights = weights_of(m, body);
+  if (m.by_nodes() && !m.face.empty() && body.mesh) weights = shares_of_area(*body.mesh, m.face, nodes_of(m, body));
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
   if (shell != nullptr && shell->file)
     weights = shares_of_length(*shell, nodes_of(m, body), weights);

@@ -35,8 +35,6 @@ struct HeldPoint {
   std::vector<std::pair<Index, double>> parts;  ///< x = the sum of factors times vertices
   Vec3 reference = Vec3::Zero();                ///< mesh coordinates
 };
-/// Of a marker's nodes, ascending. @throws std::invalid_argument where there are not as many
-[[nodiscard]] std::vector<double> weights_of(const MarkerSpec& marker, const BuiltBody& body);
 [[nodiscard]] std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point);
 
 /// The quadrilaterals of its grid of nodes, x fastest.

@@ -19,7 +19,6 @@
 #include "dynamics/contact/law.hpp"
 #include "dynamics/contact/shape.hpp"
 #include "dynamics/contact/sprocket.hpp"
-#include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/forces/stop.hpp"
 #include "dynamics/integrators/bdf.hpp"
@@ -89,8 +88,6 @@ struct SolidSpec {
   std::variant<MeshFile, MeshPart> mesh;
   std::string element_set;           ///< empty: all elements
   std::optional<Material> material;  ///< none: what the mesh file states
-  /// Of element sets, before that of the body.
-  std::vector<std::pair<std::string, Material>> materials{};
   SolidOptions options;
 };
 /// What stresses in a section need beside its stiffness.
@@ -193,7 +190,6 @@ struct MarkerSpec {
   std::string face;                  ///< face set: averaged
   std::string nodes;                 ///< node set: averaged position, and axes where `attach` is given
   std::vector<std::int64_t> labels;  ///< the same by the labels of the nodes
-  std::vector<double> weights{};     ///< of these nodes, in their order (of a set: ascending); empty: all alike
   std::vector<std::string> edge;     ///< what faces of a solid have in common; edges of a shell
   double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
   /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
@@ -287,8 +283,7 @@ enum class ForceType {
   guide,
   torque_motor,
   force_motor,
-  cable,
-  body_load
+  cable
 };
 [[nodiscard]] const std::vector<std::string>& force_type_names();
 
@@ -308,14 +303,11 @@ struct ForceSpec {
   double stiffness = 0, damping = 0, rest = 0, preload = 0;
   bool measured = false;           ///< rest is the initial value
   std::optional<Formula> formula;  ///< actuator of springs, factor of loads, torque or force of motors, pressure
-  // Body load: of the elements of a set, or all (empty)
-  std::string element_set{};
-  BodyLoadLaw body_load{};
   std::array<std::optional<Formula>, 6> components;  ///< of force and moment of a load, instead of linear and angular
   // Bushing: stiffness and damping; load: force and moment
   Vec3 linear = Vec3::Zero(), linear_damping = Vec3::Zero(), angular = Vec3::Zero(), angular_damping = Vec3::Zero();
   bool follower = false;
-  // Pressure; body load
+  // Pressure
   std::string body, face;
   // Guide
   std::vector<GuideSegment> segments;

@@ -191,7 +191,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
   if (const CableForce* cable = mechanism.cable(object)) return of_cable(*cable);
   if (const FacePressure* pressure = mechanism.pressure(object))
-    return Offer{{}, {{pressure->measure(), pressure_of(*pressure)}}};
+    return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
   if (mechanism.surface_contact(object) != nullptr) return Offer{};
   if (mechanism.controllers != nullptr)
     if (const Controllers::Part* part = mechanism.controllers->part(object)) {

@@ -14,7 +14,6 @@
 #include "dynamics/bodies/reduced_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
-#include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
@@ -41,7 +40,7 @@ struct BuiltBody {
   PointMass* point = nullptr;
   ReducedBody* reduced = nullptr;    ///< of a flexible body that is reduced; `flexible` is then its mesh alone
   std::shared_ptr<const Mesh> mesh;  ///< of solids
-  ElementMaterials materials;        ///< of solids
+  Material material;                 ///< of solids
   std::vector<std::string> notices;  ///< about the mesh of solids
   std::string pieces;                ///< of solids: what their mesh falls into, as a sentence; empty: it is connected
   std::vector<contact::RigidSurface> surfaces;  ///< of rigid bodies
@@ -97,8 +96,8 @@ class Mechanism {
   std::vector<BuiltBody> bodies;
   std::map<std::string, std::unique_ptr<Frame>> markers;  ///< named markers, for outputs
   std::vector<Joint*> joints;
-  std::vector<BuiltForce> forces;        ///< but for pressures, body loads and cables
-  std::vector<FacePressure*> pressures;  ///< and body loads
+  std::vector<BuiltForce> forces;  ///< but for pressures and cables
+  std::vector<FacePressure*> pressures;
   std::vector<CableForce*> cables;
   std::vector<BuiltContact> surface_contacts;
   std::vector<contact::RigidContact*> impacts;    ///< those of them with law = "impulse"

@@ -185,7 +185,6 @@ std::string dimension_of(const std::string& object, const std::string& what) {
                                                                  {"contact_point", "length"},
                                                                  {"stop_moment", "force*length"},
                                                                  {"pressure", "force/length^2"},
-                                                                 {"factor", "1"},
                                                                  {"normal_force", "force"},
                                                                  {"penetration", "length"},
                                                                  {"area", "length^2"},

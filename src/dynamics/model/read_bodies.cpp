@@ -108,25 +108,13 @@ class BodyReader {
   }
   std::optional<Material> plain_material(Section& s) const {
     const Value* value = s.value("material");
-    return value == nullptr ? std::nullopt : std::optional(material_of(*value));
-  }
-  Material material_of(const Value& value) const {
-    if (value.type != Value::Type::text) return read_material(value);
-    const auto it = materials_.find(value.text);
+    if (value == nullptr) return std::nullopt;
+    if (value->type != Value::Type::text) return read_material(*value);
+    const auto it = materials_.find(value->text);
     if (it != materials_.end()) return it->second;
     std::vector<std::string> names;
     for (const auto& [name, m] : materials_) names.push_back(name);
-    fail(value.place, fmt::format("unknown material '{}'{}", value.text, suggestion(value.text, names)));
-  }
-  /// Of element sets.
-  void read_materials(Section& s, SolidSpec& solid) const {
-    const Value* sets = s.value("materials");
-    if (sets == nullptr) return;
-    if (!sets->is_table()) fail(sets->place, "must be a table, { SET = a name of [materials], ... }");
-    for (const auto& [set, value] : sets->entries) {
-      solid.materials.emplace_back(set, material_of(value));
-      solid.materials.back().second.density = noted(solid.materials.back().second.density);
-    }
+    fail(value->place, fmt::format("unknown material '{}'{}", value->text, suggestion(value->text, names)));
   }
   Material needed_material(Section& s) const {
     const auto found = material(s);
@@ -273,9 +261,7 @@ class BodyReader {
     if (!mesh) fail(s.place(), "needs 'mesh': { file = \"...\" } or { part = \"...\", unknowns = ... }");
     solid.mesh = read_mesh_source(*mesh);
     solid.material = material(s);
-    read_materials(s, solid);
-    if (!solid.material && solid.materials.empty() && !std::holds_alternative<MeshFile>(solid.mesh))
-      fail(s.place(), kNeedsMaterial);
+    if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), kNeedsMaterial);
     solid.element_set = s.text("element_set", "");
     solid.options.hex8 =
         static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));

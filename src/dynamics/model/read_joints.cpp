@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
@@ -214,16 +213,24 @@ void read_cable_force(Section& s, ForceSpec& f) {
   f.slip_speed = f.friction > 0 ? s.positive("slip_speed") : s.positive("slip_speed", 1);
 }
 
+/// A load on the material of a solid: linear is a force per volume, linear_damping an acceleration, angular the angular
+/// velocity of axes that turn about start, face a set of elements.
 void read_body_load(Section& s, ForceSpec& f) {
   f.body = s.text("body");
-  f.element_set = s.text("element_set", "");
-  f.body_load = {s.vector("acceleration", Vec3::Zero()), s.vector("force_density", Vec3::Zero()),
-                 s.vector("angular_velocity", Vec3::Zero()), s.vector("point", Vec3::Zero())};
-  if (s.has("factor")) f.formula = {s.place("factor"), s.state_function("factor")};
+  f.face = s.text("element_set", "");
+  f.linear = s.vector("force_density", Vec3::Zero());
+  f.linear_damping = s.vector("acceleration", Vec3::Zero());
+  f.angular = s.vector("angular_velocity", Vec3::Zero());
+  f.start = s.vector("point", Vec3::Zero());
   if (!s.has("acceleration") && !s.has("force_density") && !s.has("angular_velocity"))
     fail(s.place(),
          "needs 'acceleration', 'force_density' (force per volume), or 'angular_velocity' of axes that turn about "
-         "'point'");
+         "'point'; a load on a frame has 'a' instead of 'body'");
+  Value one;
+  one.type = Value::Type::integer;
+  one.integer = 1;
+  one.real = 1;
+  f.formula = {s.place("factor"), s.has("factor") ? s.state_function("factor") : Section::state_function(one)};
 }
 
 ForceSpec read_force(const std::string& name, const Value& value, const std::string& units) {
@@ -236,8 +243,11 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.body = s.text("body");
     f.face = s.text("face");
     f.formula = {s.place("pressure"), s.state_function("pressure")};
-  } else if (f.type == ForceType::body_load) {
+  } else if (f.type == ForceType::load && s.has("body")) {
     read_body_load(s, f);
+    f.active = s.flag("active", true);
+    s.finish();
+    return f;
   } else {
     f.frames = f.type == ForceType::cable ? read_through(s) : read_frames(s, f.type == ForceType::load ? 1 : 2);
   }
@@ -272,7 +282,6 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
       read_cable_force(s, f);
       break;
     case ForceType::pressure:
-    case ForceType::body_load:
       break;
   }
   f.active = s.flag("active", true);
@@ -345,8 +354,8 @@ const std::vector<std::string>& joint_type_names() {
 
 const std::vector<std::string>& force_type_names() {
   static const std::vector<std::string> names = {
-      "spring", "axial-spring", "rotational-spring", "bushing", "load",     "pressure",
-      "guide",  "torque-motor", "force-motor",       "cable",   "body-load"};
+      "spring",   "axial-spring", "rotational-spring", "bushing",     "load",
+      "pressure", "guide",        "torque-motor",      "force-motor", "cable"};
   return names;
 }
 
@@ -378,12 +387,6 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.attach = read_attach(s);
   read_where(s, m);
   m.most_nodes = s.integer("most_nodes", 0, 240);
-  if (s.has("weights")) {
-    m.weights = s.numbers("weights");
-    if (!m.by_nodes()) fail(s.place("weights"), "are those of 'nodes'");
-    if (!(std::accumulate(m.weights.begin(), m.weights.end(), 0.0) > 0))
-      fail(s.place("weights"), "must have a sum above 0");
-  }
   s.finish();
   return m;
 }

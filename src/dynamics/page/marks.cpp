@@ -83,15 +83,11 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
   }
   for (const FacePressure* pressure : mechanism.pressures) {
     std::vector<std::string> on;
-    std::string kind = "pressure";
     for (const model::ForceSpec& spec : model.forces)
-      if (spec.name == pressure->name()) {
-        on = {spec.body};
-        kind = model::force_type_names()[static_cast<std::size_t>(spec.type)];
-      }
+      if (spec.name == pressure->name()) on = {spec.body};
     const model::BuiltBody* body = on.empty() ? nullptr : mechanism.body(on[0]);
     pressed_.push_back(body == nullptr || body->reduced != nullptr ? nullptr : body);
-    marks.push_back(mark_json(pressure->name(), "force", kind, on));
+    marks.push_back(mark_json(pressure->name(), "force", "pressure", on));
   }
   for (const Support* support : mechanism.supports) {
     reactions_.push_back({support, reaction_of(*support, false), reaction_of(*support, true)});

@@ -108,7 +108,7 @@ struct DeckCoupling {
   Index reference = 0;
   std::vector<Index> nodes;
   bool rigid = true;
-  std::vector<double> weights{};  ///< of the nodes, of couplings in the mean; empty: all alike
+  std::vector<MeshFace> faces{};  ///< of couplings in the mean: nodes count by the areas of these; empty: all alike
 };
 /// Nodes that stay where they are on faces.
 struct DeckTie {

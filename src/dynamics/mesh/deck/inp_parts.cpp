@@ -6,7 +6,6 @@
 #include <optional>
 
 #include "dynamics/mesh/deck/inp_deck.hpp"
-#include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -203,8 +202,7 @@ class InpPartReader {
     DeckCoupling out{card.place, reference(card), {}, true};
     if (!old) {
       const std::string surface = card.keyword.need(LineReader(card.place.file, ""), "SURFACE");
-      open_faces_.clear();
-      out.nodes = target_.surface_nodes(card, CardFields(card.place, surface), 0, &open_faces_);
+      out.nodes = target_.surface_nodes(card, CardFields(card.place, surface), 0, &out.faces);
       open_ = std::move(out);
       return;
     }
@@ -233,13 +231,6 @@ class InpPartReader {
              fmt::format("{}: degrees of freedom {} to {}; they are 1 to 6", card.keyword.name, first, last));
       for (std::int64_t d = first; d <= last; ++d) held[static_cast<std::size_t>(d - 1)] = true;
     }
-    if (!open_->rigid && !open_faces_.empty()) {
-      open_->nodes.clear();
-      for (const auto& [node, weight] : area_weights(target_.lookup().mesh(), open_faces_)) {
-        open_->nodes.push_back(node);
-        open_->weights.push_back(weight);
-      }
-    }
     const bool all = card.lines.empty() || (held[0] && held[1] && held[2]);
     if (all)
       add_coupling(std::move(*open_));
@@ -249,10 +240,7 @@ class InpPartReader {
   }
 
   void add_coupling(DeckCoupling out) {
-    if (const auto own = std::find(out.nodes.begin(), out.nodes.end(), out.reference); own != out.nodes.end()) {
-      if (!out.weights.empty()) out.weights.erase(out.weights.begin() + (own - out.nodes.begin()));
-      out.nodes.erase(own);
-    }
+    std::erase(out.nodes, out.reference);
     if (out.nodes.empty()) fail(out.place, "the coupling has no nodes beside its reference node");
     deck_.couplings.push_back(std::move(out));
   }
@@ -287,7 +275,6 @@ class InpPartReader {
   Deck& deck_;
   std::vector<Single> singles_;
   std::optional<DeckCoupling> open_;
-  std::vector<MeshFace> open_faces_;  // of its surface
   std::map<Index, Index> rotation_nodes_;
 };
 

@@ -334,25 +334,22 @@ class NastranDeckReader {
 
   void mean(const NastranCard& card) {
     DeckCoupling out{place_of(card), grid(card, 2), {}, false};
-    std::map<Index, double> weights;
-    double weight = 1;
+    std::optional<double> weight;
     for (std::size_t k = 4; k < card.fields.size(); ++k) {
       const std::string& field = card.field(k);
       if (field.empty()) continue;
       if (upper(field) == "UM") return leave(DeckKind::couplings, "RBE3 with UM", place_of(card));
       if (upper(field) == "ALPHA") break;
       if (field.find('.') == std::string::npos) {
-        weights[grid(card, k)] += weight;
+        out.nodes.push_back(grid(card, k));
         continue;
       }
-      weight = card.real(k, "weight");
+      const double here = card.real(k, "weight");
+      if (weight && here != *weight) return leave(DeckKind::couplings, "RBE3 with different weights", place_of(card));
+      weight = here;
       const std::vector<int> directions = directions_of(card, ++k);
       if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
         return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
-    }
-    for (const auto& [node, w] : weights) {
-      out.nodes.push_back(node);
-      out.weights.push_back(w);
     }
     add_coupling(card, std::move(out));
   }
@@ -360,7 +357,7 @@ class NastranDeckReader {
   void add_coupling(const NastranCard& card, DeckCoupling out) {
     if (std::find(out.nodes.begin(), out.nodes.end(), out.reference) != out.nodes.end())
       card.fail(fmt::format("grid point {} depends on itself", node_name(deck_.mesh, out.reference)));
-    if (out.rigid) sort_unique(out.nodes);
+    sort_unique(out.nodes);
     if (out.nodes.empty()) card.fail("couples no grid points");
     deck_.couplings.push_back(std::move(out));
   }

@@ -86,45 +86,47 @@ class MaterialSections {
 
 ElementMaterials solid_materials(const Mesh& mesh, const SolidSpec& solid, std::span<const Index> elements,
                                  bool statics, bool& massless) {
-  if (solid.material && solid.materials.empty()) return {{*solid.material}};
+  if (solid.material) return {{*solid.material}};
   std::vector<Index> all;
   if (elements.empty()) {
     all.resize(at(mesh.element_count()));
     std::iota(all.begin(), all.end(), 0);
     elements = all;
   }
-  ElementMaterials out;
-  MaterialsOfSets given(mesh);
-  for (const auto& [set, material] : solid.materials) {
-    given.give(set, mesh.element_set(set), static_cast<Index>(out.list.size()));
-    out.list.push_back(material);
-  }
-  const auto rest = static_cast<Index>(out.list.size());  // the place of `material`, or of the first of the sections
-  if (solid.material) out.list.push_back(*solid.material);
   const MaterialSections sections(mesh);
+  if (sections.names().empty()) refuse_material("needs 'material': the mesh file states none");
+  ElementMaterials out;
   std::vector<Index> place(sections.names().size(), -1);  // of the sections' materials in the list
   out.of.assign(at(mesh.element_count()), 0);
   for (const Index e : elements) {
-    Index& of = out.of[at(e)];
-    of = given.material(e);
-    if (of >= 0) continue;
-    of = rest;
-    if (solid.material) continue;
     const Index own = sections.material(e);
-    if (own < 0) {
-      if (sections.names().empty() && solid.materials.empty())
-        refuse_material("needs 'material': the mesh file states none");
+    if (own < 0)
       refuse_material(
           fmt::format("needs 'material': element {} lies in none of the sets that have one", element_name(mesh, e)));
-    }
     if (place[at(own)] < 0) {
       place[at(own)] = static_cast<Index>(out.list.size());
       out.list.push_back(stated_material(mesh, sections.names()[at(own)], statics, massless));
     }
-    of = place[at(own)];
+    out.of[at(e)] = place[at(own)];
   }
   if (out.list.size() == 1) out.of.clear();
   return out;
+}
+
+ElementMaterials materials_of(const BuiltBody& body) {
+  std::vector<Index> solids;
+  for (Index e = 0; e < body.mesh->element_count(); ++e)
+    if (is_simulated_solid(body.mesh->type(e))) solids.push_back(e);
+  const auto& solid = std::get<SolidSpec>(body.spec.shape);
+  if (!solid.material && !solid.element_set.empty()) {  // where all elements of the mesh are there still
+    std::vector<Index> chosen = body.mesh->element_sets.contains(solid.element_set)
+                                    ? body.mesh->element_set(solid.element_set)
+                                    : std::vector<Index>();
+    std::erase_if(solids,
+                  [&](Index e) { return !chosen.empty() && !std::binary_search(chosen.begin(), chosen.end(), e); });
+  }
+  bool massless = false;
+  return solid_materials(*body.mesh, solid, solids, true, massless);
 }
 
 }  // namespace espalier::dynamics::model

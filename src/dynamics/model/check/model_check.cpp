@@ -46,18 +46,10 @@ std::vector<std::string> words_of(const Value* list) {
 
 /// What a part names, as if it were there.
 void take_as_there(const Value& part, Value& root, Description& model) {
-  std::vector<std::string> materials;
-  const auto note = [&](const Value& value) {
-    if (value.type == Value::Type::text) materials.push_back(value.text);
-  };
-  if (const Value* material = part.find("material"); material != nullptr) note(*material);
-  if (const Value* sets = part.find("materials"); sets != nullptr)
-    for (const auto& [set, value] : sets->entries) note(value);
-  if (!materials.empty()) {
-    Value& table = root.entries.emplace_back("materials", dynamics::model::parse_toml("x = { young = 1 }", "")).second;
-    for (const std::string& name : materials)
-      if (table.find(name) == nullptr) table.entries.emplace_back(name, table.entries.front().second);
-  }
+  if (const Value* material = part.find("material"); material != nullptr && material->type == Value::Type::text)
+    root.entries.emplace_back("materials", dynamics::model::parse_toml("x = { young = 1 }", ""))
+        .second.entries.front()
+        .first = material->text;
   for (const char* key : {"on", "off", "contact"})
     for (const std::string& name : words_of(part.find(key))) model.contacts.emplace_back().name = name;
   if (const Value* set = part.find("set"); set != nullptr)

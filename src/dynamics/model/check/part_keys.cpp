@@ -31,7 +31,7 @@ std::span<const PartKeys> all_part_keys() {
        "gravity type mass position velocity"},
       {"bodies", "solid",
        "gravity type position rotation velocity angular_velocity damping reduce mesh element_set hex8 "
-       "reduced_hex20 material materials"},
+       "reduced_hex20 material"},
       {"bodies", "cable",
        "gravity type position rotation velocity angular_velocity damping reduce start end elements radius "
        "axial bending mass_per_length material"},
@@ -113,11 +113,10 @@ std::span<const PartKeys> all_part_keys() {
       {"forces", "bushing",
        "type a b bodies at rotation axis x_axis active stiffness damping angular_stiffness angular_damping"},
       {"forces", "load",
-       "type a force moment factor follower active"},
+       "type a force moment factor follower active body element_set acceleration force_density "
+       "angular_velocity point"},
       {"forces", "pressure",
        "type body face pressure active"},
-      {"forces", "body-load",
-       "type body element_set acceleration force_density angular_velocity point factor active"},
       {"forces", "guide",
        "type a b bodies at rotation axis x_axis active stiffness damping friction slip_speed smoothing "
        "both_sides start direction lengths curvatures"},
@@ -152,7 +151,7 @@ std::span<const PartKeys> all_part_keys() {
        "law young poisson density"},
       {"markers", "",
        "same_as body global point axis x_axis rotation attach node near face nodes edge radius bore "
-       "most_nodes weights"},
+       "most_nodes"},
       {"supports", "",
        "body node near face nodes edge radius bore hold symmetry rotation motion"},
       {"equations", "",

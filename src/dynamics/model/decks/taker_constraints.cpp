@@ -139,10 +139,10 @@ Value Taker::coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Po
                          {"nodes", m.text(node_set("deck-" + coupling_name(c.reference), c.nodes))},
                          {"point", m.vector(point)},
                          {"most_nodes", m.whole(0)}});
-  if (c.weights.empty()) return frame;
-  std::vector<Value> weights;
-  for (const double w : c.weights) weights.push_back(m.number(w));
-  frame.entries.emplace_back("weights", m.list(std::move(weights)));
+  if (!c.rigid && !c.faces.empty()) {
+    out_.face_sets["deck-" + coupling_name(c.reference)] = c.faces;
+    frame.entries.emplace_back("face", m.text("deck-" + coupling_name(c.reference)));
+  }
   return frame;
 }
 

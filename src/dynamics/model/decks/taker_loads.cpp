@@ -137,7 +137,7 @@ void Taker::add_body_load(const DeckBodyLoad& load, const std::vector<Index>& so
   if (!load.set.empty() && elements.empty()) return;
   const std::string entry = fresh_name("body_load");
   const ValueMaker m = maker(load.place, "forces", entry);
-  Value value = m.table({{"type", m.text("body-load")}, {"body", m.text(body_)}});
+  Value value = m.table({{"type", m.text("load")}, {"body", m.text(body_)}});
   if (!load.set.empty()) {
     out_.element_sets["deck-" + entry] = elements;
     value.entries.emplace_back("element_set", m.text("deck-" + entry));

@@ -60,13 +60,13 @@ class SampledBody {
   [[nodiscard]] const Element& element(Index e) const { return elements_[static_cast<std::size_t>(e)]; }
   void gather(const Element& e, const double* from, double* to) const;
   void sample_element(Index e, const double* position, bool with_energy, std::size_t at, FieldTable& out) const;
-  static void stress_of(Material law, const double (&strain)[6], bool linear, double (&stress)[6]);
+  void stress_of(const double (&strain)[6], bool linear, double (&stress)[6]) const;
   void stresses(Index e, bool linear, std::size_t at, FieldTable& out) const;
 
   const BuiltBody& body_;
   FieldBody kind_ = FieldBody::solid;
   double thickness_ = 0;
-  Material material_;  // of shells
+  Material material_;
   std::vector<Element> elements_;
   std::unordered_map<std::int64_t, Index> by_label_;
 };
