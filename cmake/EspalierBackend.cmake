@@ -19,6 +19,9 @@ function(espalier_backend folder)
     LIBRARIES ${ARG_LIBRARIES})
   espalier_cuda_sources(device_${folder} device/${folder})
   set_property(GLOBAL APPEND PROPERTY ESPALIER_BACKENDS ${folder})
+  if(NOT ARG_IF)
+    set_property(GLOBAL APPEND PROPERTY ESPALIER_BACKENDS_ANYWHERE ${folder})
+  endif()
   set_property(GLOBAL APPEND PROPERTY ESPALIER_BACKEND_MODULES ${ARG_DEPENDS} device_${folder})
 endfunction()
 
@@ -36,22 +39,16 @@ function(espalier_cuda_sources module folder)
   set_property(GLOBAL APPEND PROPERTY ESPALIER_EXTERNAL_LIBRARIES CUDA::cudart_static)
 endfunction()
 
-# espalier_backend_registry(module): writes the registry (device/registry.hpp) of all backends named before as a module.
-# Sets ESPALIER_BACKEND_MODULES to what they are made of.
-function(espalier_backend_registry module)
-  get_property(folders GLOBAL PROPERTY ESPALIER_BACKENDS)
-  get_property(absent GLOBAL PROPERTY ESPALIER_BACKENDS_ABSENT)
-  get_property(modules GLOBAL PROPERTY ESPALIER_BACKEND_MODULES)
+# espalier_write_registry(file absent folders...): the source of a registry (device/registry.hpp) of these backends.
+# absent: lines {"name", "sentence"},
+function(espalier_write_registry file absent)
   set(declared "")
   set(listed "")
-  set(libraries "")
-  foreach(folder IN LISTS folders)
+  foreach(folder IN LISTS ARGN)
     string(APPEND declared "namespace ${folder} {\nconst Backend& backend();\n}\n")
     string(APPEND listed "    &${folder}::backend(),\n")
-    list(APPEND libraries device_${folder})
   endforeach()
-  set(generated ${CMAKE_CURRENT_BINARY_DIR}/${module})
-  file(CONFIGURE OUTPUT ${generated}/registry.cpp @ONLY CONTENT [[
+  file(CONFIGURE OUTPUT ${file} @ONLY CONTENT [[
 // Written by CMake (cmake/EspalierBackend.cmake).
 #include "device/registry.hpp"
 
@@ -67,6 +64,17 @@ const Registry& registry() {
 
 }  // namespace espalier::device
 ]])
-  espalier_module(${module} GENERATED ${generated}/registry.cpp DEPENDS ${libraries})
+endfunction()
+
+# espalier_backend_registry(module): the registry of all backends named before as a module.
+# Sets ESPALIER_BACKEND_MODULES to what they are made of.
+function(espalier_backend_registry module)
+  get_property(folders GLOBAL PROPERTY ESPALIER_BACKENDS)
+  get_property(absent GLOBAL PROPERTY ESPALIER_BACKENDS_ABSENT)
+  get_property(modules GLOBAL PROPERTY ESPALIER_BACKEND_MODULES)
+  list(TRANSFORM folders PREPEND device_ OUTPUT_VARIABLE libraries)
+  set(generated ${CMAKE_CURRENT_BINARY_DIR}/${module}/registry.cpp)
+  espalier_write_registry(${generated} "${absent}" ${folders})
+  espalier_module(${module} GENERATED ${generated} DEPENDS ${libraries})
   set(ESPALIER_BACKEND_MODULES ${modules} PARENT_SCOPE)
 endfunction()

@@ -36,6 +36,20 @@ struct MeshCommand {
   void write_page(const Mesh& mesh, const MeshSurvey& survey) const;
 };
 
+/// Of the solids of an element set.
+double volume_of_set(const Mesh& mesh, const std::string& set) {
+  const auto found = mesh.element_sets.find(set);
+  return found == mesh.element_sets.end() || found->second.empty()
+             ? 0
+             : dynamics::volume_integrals(mesh, found->second).volume;
+}
+
+double density_of(const Mesh& mesh, const std::string& material) {
+  for (const auto& m : mesh.materials)
+    if (m.name == material) return m.density;
+  return 0;
+}
+
 MeshJson mesh_json(const Mesh& mesh, const MeshSurvey& s, const std::string& file) {
   MeshJson j;
   const dynamics::MeshFormat* format = dynamics::mesh_format_of(file);
@@ -53,7 +67,10 @@ MeshJson mesh_json(const Mesh& mesh, const MeshSurvey& s, const std::string& fil
   j["units"] = s.units;
   for (const auto& m : mesh.materials)
     j["materials"].push_back({{"name", m.name}, {"young", m.young}, {"poisson", m.poisson}, {"density", m.density}});
-  for (const auto& [set, name] : mesh.section_material) j["sections"][set] = name;
+  for (const auto& [set, name] : mesh.section_material) {
+    j["sections"][set] = name;
+    j["masses"][set] = density_of(mesh, name) * volume_of_set(mesh, set);
+  }
   const auto sizes = [&](const char* key, const auto& sets) {
     j["sets"][key] = MeshJson::object();
     for (const auto& [name, list] : sets) j["sets"][key][name] = list.size();
@@ -105,7 +122,10 @@ void print_survey(const Mesh& mesh, const MeshSurvey& s, const std::string& file
     materials.push_back(fmt::format("{} (Young's modulus {:g}, Poisson's ratio {:g}, density {:g})", m.name, m.young,
                                     m.poisson, m.density));
   row("materials", materials.empty() ? "none" : fmt::format("{}", fmt::join(materials, ", ")));
-  for (const auto& [set, name] : mesh.section_material) row("section", fmt::format("{} is of {}", set, name));
+  for (const auto& [set, name] : mesh.section_material) {
+    const double mass = density_of(mesh, name) * volume_of_set(mesh, set);
+    row("section", fmt::format("{} is of {}{}", set, name, mass > 0 ? fmt::format(", mass {:.9g}", mass) : ""));
+  }
   row("face sets", listed(mesh.face_sets));
   row("node sets", listed(mesh.node_sets));
   row("el. sets", listed(mesh.element_sets));

@@ -193,14 +193,18 @@ void Instance::need_run() {
   take_run();
 }
 
+void Instance::read_out(const Run& run, std::vector<double>& values) const {
+  for (std::size_t k = 0; k < outputs_.size(); ++k) values[outputs_[k]] = run.summary.values[k].second;
+  const dynamics::State& s = run.runner->state();
+  for (std::size_t k = 0; k < states_.size(); ++k) {
+    values[states_[k]] = k < s.q.size() ? s.q[k] : s.v[k - s.q.size()];
+    values[derivatives_[k]] = k < s.q.size() ? s.v[k] : s.a[k - s.q.size()];
+  }
+}
+
 // Of the state of the run.
 void Instance::take_run() {
-  for (std::size_t k = 0; k < outputs_.size(); ++k) values_[outputs_[k]] = run_->summary.values[k].second;
-  const dynamics::State& s = run_->runner->state();
-  for (std::size_t k = 0; k < states_.size(); ++k) {
-    values_[states_[k]] = k < s.q.size() ? s.q[k] : s.v[k - s.q.size()];
-    values_[derivatives_[k]] = k < s.q.size() ? s.v[k] : s.a[k - s.q.size()];
-  }
+  read_out(*run_, values_);
   current_ = !model_exchange_;
 }
 

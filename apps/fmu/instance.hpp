@@ -61,8 +61,9 @@ class Instance {
   [[nodiscard]] std::string save();
   void restore(std::string_view bytes);
 
-  /// sum over knowns of d unknown / d known * seed. While the model is initialized, of outputs by parameters and
-  /// inputs; later by inputs (and states), where accelerations and reactions follow from them at once.
+  /// sum over knowns of d unknown / d known * seed. While the model is initialized, of outputs and states at the start
+  /// by parameters and inputs: differences of starts. Later of outputs and derivatives by inputs (and states):
+  /// accelerations and reactions follow from them at once, by the linearised equations.
   void directional(std::span<const fmi::ValueReference> unknowns, std::span<const fmi::ValueReference> knowns,
                    std::span<const double> seed, std::span<double> sensitivity);
 
@@ -78,9 +79,19 @@ class Instance {
   [[nodiscard]] std::unique_ptr<Run> load(const std::vector<double>& values) const;
   void need_run();
   void take_run();
-  /// The variables where inputs, time and states have these values.
-  [[nodiscard]] std::vector<double> response(const std::vector<double>& values);
+  /// Outputs, states and derivatives of a run into their places among the variables.
+  void read_out(const Run& run, std::vector<double>& values) const;
+  void set_inputs(const std::vector<double>& values);
+  /// With accelerations and reactions, where inputs, time and states have these values.
+  [[nodiscard]] dynamics::State solved_state(const std::vector<double>& values);
   void respond();
+  /// Of a difference along the seed: the largest for which no known moves by more than a part of its size; 0: none
+  /// moves.
+  [[nodiscard]] double checked_step(std::span<const fmi::ValueReference> unknowns,
+                                    std::span<const fmi::ValueReference> knowns, std::span<const double> seed) const;
+  // Derivatives of all variables along a change of what is known.
+  [[nodiscard]] std::vector<double> slope_of_start(const std::vector<double>& along, double step) const;
+  [[nodiscard]] std::vector<double> slope_here(const std::vector<double>& along, double step);
   [[nodiscard]] dynamics::State state_of(const std::vector<double>& values) const;
 
   std::string folder_, text_;

@@ -14,6 +14,18 @@ namespace {
 
 [[noreturn]] void refuse(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
 
+/// The derivative at 0 of numbers that are functions of a way: a central difference of fourth order.
+template <class Numbers>
+std::vector<double> slope_of(const Numbers& at, double step) {
+  std::vector<double> slope;
+  for (const auto& [way, weight] : {std::pair{1.0, 2.0 / 3}, std::pair{2.0, -1.0 / 12}}) {
+    const std::vector<double> ahead = at(way * step), behind = at(-way * step);
+    slope.resize(ahead.size());
+    for (std::size_t k = 0; k < ahead.size(); ++k) slope[k] += weight * (ahead[k] - behind[k]) / step;
+  }
+  return slope;
+}
+
 }  // namespace
 
 dynamics::State Instance::state_of(const std::vector<double>& values) const {
@@ -24,23 +36,25 @@ dynamics::State Instance::state_of(const std::vector<double>& values) const {
   return s;
 }
 
-std::vector<double> Instance::response(const std::vector<double>& values) {
-  dynamics::model::Runner& runner = *run_->runner;
+void Instance::set_inputs(const std::vector<double>& values) {
   for (std::size_t k = 0; k < values.size(); ++k)
-    if (contents_.variables[k].kind == Kind::input) runner.set_input(contents_.variables[k].name, values[k]);
-  if (!run_->instant) run_->instant = std::make_unique<dynamics::model::Instant>(runner);
+    if (contents_.variables[k].kind == Kind::input) run_->runner->set_input(contents_.variables[k].name, values[k]);
+}
+
+dynamics::State Instance::solved_state(const std::vector<double>& values) {
+  set_inputs(values);
+  if (!run_->instant) run_->instant = std::make_unique<dynamics::model::Instant>(*run_->runner);
   dynamics::State s = state_of(values);
   run_->instant->solve(s);
-  std::vector<double> out = values;
-  for (std::size_t k = 0; k < derivatives_.size(); ++k)
-    out[derivatives_[k]] = k < s.q.size() ? s.v[k] : s.a[k - s.q.size()];
-  const std::vector<double> chosen = runner.values_at(std::move(s));
-  for (std::size_t k = 0; k < outputs_.size(); ++k) out[outputs_[k]] = chosen[k];
-  return out;
+  return s;
 }
 
 void Instance::respond() {
-  values_ = response(values_);
+  dynamics::State s = solved_state(values_);
+  for (std::size_t k = 0; k < derivatives_.size(); ++k)
+    values_[derivatives_[k]] = k < s.q.size() ? s.v[k] : s.a[k - s.q.size()];
+  const std::vector<double> chosen = run_->runner->values_at(std::move(s));
+  for (std::size_t k = 0; k < outputs_.size(); ++k) values_[outputs_[k]] = chosen[k];
   current_ = true;
 }
 
@@ -70,17 +84,11 @@ void Instance::get_derivatives(std::span<double> dx) {
   for (std::size_t k = 0; k < dx.size(); ++k) dx[k] = get(static_cast<fmi::ValueReference>(derivatives_[k]));
 }
 
-// Central differences of fourth order along the seed. What depends on inputs and velocities is mostly linear or
-// quadratic in them, where these have rounding errors alone.
-void Instance::directional(std::span<const fmi::ValueReference> unknowns, std::span<const fmi::ValueReference> knowns,
-                           std::span<const double> seed, std::span<double> sensitivity) {
-  if (mode_ == Mode::instantiated) refuse("there are no derivatives before the initialization");
-  if (seed.size() != knowns.size() || sensitivity.size() != unknowns.size())
-    refuse("a seed has a number for each known, a sensitivity one for each unknown");
-  need_run();
+double Instance::checked_step(std::span<const fmi::ValueReference> unknowns,
+                              std::span<const fmi::ValueReference> knowns, std::span<const double> seed) const {
   const bool starting = mode_ == Mode::initialization;
-  double step = 0;  // of the seed: the largest for which no variable moves by more than a part of its size
   constexpr double kPart = 1e-3;
+  double step = 0;
   for (std::size_t k = 0; k < knowns.size(); ++k) {
     const fmi::Variable& v = variable(knowns[k]);
     const bool input = v.kind == Kind::input || (v.kind == Kind::parameter && starting) ||
@@ -92,26 +100,70 @@ void Instance::directional(std::span<const fmi::ValueReference> unknowns, std::s
     step = step == 0 ? most : std::min(step, most);
   }
   for (const fmi::ValueReference unknown : unknowns)
-    if (const Kind kind = variable(unknown).kind; kind != Kind::output && kind != Kind::derivative)
+    if (const Kind kind = variable(unknown).kind;
+        kind != Kind::output && kind != Kind::derivative && !(kind == Kind::state && starting))
       refuse(fmt::format("'{}' is no output: it is not differentiated", variable(unknown).name));
+  return step;
+}
+
+std::vector<double> Instance::slope_of_start(const std::vector<double>& along, double step) const {
+  return slope_of(
+      [&](double way) {
+        std::vector<double> moved = values_;
+        for (std::size_t k = 0; k < moved.size(); ++k) moved[k] += way * along[k];
+        read_out(*load(moved), moved);
+        return moved;
+      },
+      step);
+}
+
+std::vector<double> Instance::slope_here(const std::vector<double>& along, double step) {
+  const dynamics::State s = solved_state(values_);
+  const std::size_t n = s.v.size();
+  dynamics::model::StateMove move{std::vector<double>(n), std::vector<double>(n), {}, {}};
+  for (std::size_t k = 0; k < states_.size(); ++k) (k < n ? move.q[k] : move.v[k - n]) = along[states_[k]];
+  const auto put_inputs = [&](double way) {
+    std::vector<double> moved = values_;
+    for (std::size_t k = 0; k < moved.size(); ++k) moved[k] += way * along[k];
+    set_inputs(moved);
+  };
+  run_->instant->follow(s, run_->instant->force_slope(s, put_inputs, step), move);
+  std::vector<double> slope(values_.size());
+  for (std::size_t k = 0; k < derivatives_.size(); ++k) slope[derivatives_[k]] = k < n ? move.v[k] : move.a[k - n];
+  const auto outputs_at = [&](double way) {
+    put_inputs(way);
+    dynamics::State moved = s;
+    const auto add = [way](std::vector<double>& x, const std::vector<double>& dx) {
+      for (std::size_t i = 0; i < dx.size(); ++i) x[i] += way * dx[i];
+    };
+    std::vector<double> dq(n);
+    add(dq, move.q);
+    run_->runner->mechanism().system.retract(s.q, dq, moved.q);
+    add(moved.v, move.v);
+    add(moved.a, move.a);
+    add(moved.lambda, move.lambda);
+    return run_->runner->values_at(std::move(moved));
+  };
+  const std::vector<double> of_outputs = slope_of(outputs_at, step);
+  for (std::size_t k = 0; k < outputs_.size(); ++k) slope[outputs_[k]] = of_outputs[k];
+  set_inputs(values_);
+  return slope;
+}
+
+void Instance::directional(std::span<const fmi::ValueReference> unknowns, std::span<const fmi::ValueReference> knowns,
+                           std::span<const double> seed, std::span<double> sensitivity) {
+  if (mode_ == Mode::instantiated) refuse("there are no derivatives before the initialization");
+  if (seed.size() != knowns.size() || sensitivity.size() != unknowns.size())
+    refuse("a seed has a number for each known, a sensitivity one for each unknown");
+  need_run();
+  const double step = checked_step(unknowns, knowns, seed);
   std::fill(sensitivity.begin(), sensitivity.end(), 0.0);
   if (step == 0) return;
-  const auto at = [&](double way) {
-    std::vector<double> moved = values_;
-    for (std::size_t k = 0; k < knowns.size(); ++k) moved[knowns[k]] += way * step * seed[k];
-    if (!starting) return response(moved);
-    const std::unique_ptr<Run> run = load(moved);
-    for (std::size_t k = 0; k < outputs_.size(); ++k) moved[outputs_[k]] = run->summary.values[k].second;
-    return moved;
-  };
-  for (const auto& [way, weight] : {std::pair{1.0, 2.0 / 3}, std::pair{2.0, -1.0 / 12}}) {
-    const std::vector<double> ahead = at(way), behind = at(-way);
-    for (std::size_t k = 0; k < unknowns.size(); ++k)
-      sensitivity[k] += weight * (ahead[unknowns[k]] - behind[unknowns[k]]) / step;
-  }
-  if (starting) return;
-  for (std::size_t k = 0; k < values_.size(); ++k)  // as they were
-    if (contents_.variables[k].kind == Kind::input) run_->runner->set_input(contents_.variables[k].name, values_[k]);
+  std::vector<double> along(values_.size());
+  for (std::size_t k = 0; k < knowns.size(); ++k) along[knowns[k]] += seed[k];
+  const std::vector<double> slope =
+      mode_ == Mode::initialization ? slope_of_start(along, step) : slope_here(along, step);
+  for (std::size_t k = 0; k < unknowns.size(); ++k) sensitivity[k] = slope[unknowns[k]];
 }
 
 }  // namespace espalier::fmu

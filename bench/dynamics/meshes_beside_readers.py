@@ -124,7 +124,8 @@ def of_meshio(path):
         c.type for c in mesh.cells if c.type in ("pyramid", "hexahedron27", "wedge18", "pyramid13")]
 
 
-def of_pynastran(path):
+def of_pynastran(path, number=None):
+    """@param number  of the property; None: all"""
     from pyNastran.bdf.bdf import BDF
     model = BDF(debug=False)
     model.read_bdf(str(path), xref=False, punch=False, validate=False)
@@ -135,7 +136,7 @@ def of_pynastran(path):
     kinds = {"CTETRA": ("tetra", 4), "CHEXA": ("hexahedron", 8), "CPENTA": ("wedge", 6)}
     cells, others = {}, []
     for e in model.elements.values():
-        if e.type not in kinds:
+        if e.type not in kinds or number not in (None, e.pid):
             others += [e.type] if e.type == "CPYRAM" else []
             continue
         name, corners = kinds[e.type]
@@ -150,12 +151,84 @@ def of_pynastran(path):
     return points, [(k, np.array(v)) for k, v in cells.items()], others
 
 
+def blocks_of(path):
+    """Keyword lines of an .inp file without blanks, in upper case, with the data lines behind them."""
+    out = []
+    for line in path.read_text(errors="replace").splitlines():
+        line = line.replace(" ", "").replace("\t", "")
+        if line.startswith("**") or not line:
+            continue
+        if line.startswith("*"):
+            out.append((line.upper(), []))
+        elif out:
+            out[-1][1].append(line)
+    return out
+
+
+def parameter(keyword, name):
+    return next((w.split("=", 1)[1] for w in keyword.split(",") if w.startswith(name + "=")), "")
+
+
+def densities_of_inp(path):
+    """Element set -> density, as *SOLID SECTION and *DENSITY say."""
+    density, sections, material = {}, {}, ""
+    for keyword, data in blocks_of(path):
+        if keyword.startswith("*MATERIAL"):
+            material = parameter(keyword, "NAME")
+        elif keyword.startswith("*DENSITY"):
+            density[material] = float(data[0].split(",")[0])
+        elif keyword.startswith("*SOLIDSECTION"):
+            sections[parameter(keyword, "ELSET")] = parameter(keyword, "MATERIAL")
+    return {name: density.get(m, 0.0) for name, m in sections.items()}
+
+
+def masses_by_meshio(path):
+    """Element set -> mass of its solids: the sets as meshio has them."""
+    import meshio
+    mesh = meshio.read(path)
+    sets = {name.upper(): members for name, members in mesh.cell_sets.items()}
+    masses = {}
+    for name, density in densities_of_inp(path).items():
+        if density == 0 or name not in sets:
+            continue
+        cells = [(c.type, c.data[np.asarray(which, int)]) for c, which in zip(mesh.cells, sets[name])
+                 if c.type.startswith(("tetra", "hexa", "wedge")) and len(which)]
+        masses[name] = density * measures(np.asarray(mesh.points, float), cells)[0]
+    return masses
+
+
+def masses_by_pynastran(path):
+    """property-N -> mass, by pyNastran's own densities."""
+    from pyNastran.bdf.bdf import BDF
+    model = BDF(debug=False)
+    model.read_bdf(str(path), xref=False, punch=False, validate=False)
+    masses = {}
+    for number, solid in model.properties.items():
+        material = model.materials.get(solid.mid) if solid.type == "PSOLID" else None
+        if material is None or material.type != "MAT1" or not material.rho:
+            continue
+        points, cells, _ = of_pynastran(path, number)
+        masses[f"PROPERTY-{number}"] = material.rho * measures(points, cells)[0]
+    return masses
+
+
+def compare_masses(ours, plain):
+    """@return how far the masses of the sections are off, and how many were compared"""
+    theirs = masses_by_pynastran(plain) if plain.suffix in (".bdf", ".dat", ".nas") else masses_by_meshio(plain) if plain.suffix == ".inp" else {}
+    found = {name.upper(): mass for name, mass in ours.get("masses", {}).items() if mass}
+    compared = {name: abs(found[name] / mass - 1) for name, mass in theirs.items() if mass and name in found}
+    for name in set(found) ^ {name for name, mass in theirs.items() if mass}:
+        print(f"    mass of {name}: {found.get(name)} here, {theirs.get(name)} there")
+    return max(compared.values(), default=0.0), len(compared)
+
+
 def main():
     parser = argparse.ArgumentParser()
     parser.add_argument("folder", type=pathlib.Path)
     parser.add_argument("--program", default=str(ROOT / "build/release/espalier"))
     args = parser.parse_args()
     worst = 0.0
+    sections = 0
     for path in sorted(args.folder.iterdir()):
         run = subprocess.run([args.program, "mesh", str(path), "--json"], capture_output=True, text=True)
         if run.returncode != 0:
@@ -170,6 +243,9 @@ def main():
             except BaseException as error:  # whatever the other reader does not like, SystemExit too
                 print(f"{path.name:40} not read by the other: {type(error).__name__}: {str(error).strip()[:90]!r}")
                 continue
+            mass_off, count = compare_masses(ours, plain)
+            sections += count
+            worst = max(worst, mass_off)
         if others:
             print(f"{path.name:40} has kinds that the other's integration leaves out: {sorted(set(others))}")
             continue
@@ -181,8 +257,9 @@ def main():
         off = max(abs(ours["solids"]["volume"] / volume - 1), max(abs(a - b) for a, b in zip(ours["solids"]["centre"], moment / volume)) / size)
         single = off > 1e-12 and np.array_equal(points, points.astype(np.float32))
         worst = max(worst, 0 if single else off)
-        print(f"{path.name:40} volume {volume:.15g}, off by {off:.1e}{' (meshio keeps its points in single precision)' if single else ''}", flush=True)
-    print(f"worst {worst:.1e}")
+        weighed = f", masses of {count} sections by {mass_off:.1e}" if count else ""
+        print(f"{path.name:40} volume {volume:.15g}, off by {off:.1e}{weighed}{' (meshio keeps its points in single precision)' if single else ''}", flush=True)
+    print(f"worst {worst:.1e}; masses of {sections} sections were compared")
 
 
 if __name__ == "__main__":

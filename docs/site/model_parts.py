@@ -29,8 +29,8 @@ PARTS = {
         "rigid": ("read read_rigid read_rigid_of_surface read_rigid_motion",
                   "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read read_point", "", "mass"),
         "solid": (_FLEXIBLE + "read_solid plain_material", "", "mesh"),
-        "cable": (_FLEXIBLE + "read_cable plain_material", "", "start end"),
-        "beam": (_FLEXIBLE + "read_axis read_beam plain_material", "", ""),
+        "cable": (_FLEXIBLE + "read_cable read_lines_of_file plain_material", "", ""),
+        "beam": (_FLEXIBLE + "read_axis read_beam read_lines_of_file plain_material", "", ""),
         "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file plain_material", "", ""),
         "substructure": (_FLEXIBLE + "read_substructure read_lines", "gravity type position rotation velocity angular_velocity damping"
                          " reduce stiffness mass nodes lines", "stiffness mass nodes")},
@@ -56,6 +56,7 @@ PARTS = {
         "bushing": (f"read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
         "load": ("read_force read_frames read_body_load", "type a force moment factor follower active body element_set acceleration"
                  " force_density angular_velocity point", ""),
+        "line-load": ("read_force read_where read_nodes read_along", "type body node near face nodes along edge radius bore force moment factor follower active", "body"),
         "pressure": ("read_force", "type body face pressure active", "body face pressure"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"
                   " lengths curvatures", "stiffness smoothing lengths curvatures"),
@@ -65,17 +66,17 @@ PARTS = {
     "surfaces": {t: ("read_surface read_surface_axes", _SURFACE + more, "body " + needed) for t, more, needed in (
         ("plane", "point normal rotation", ""), ("sphere", "point radius", "radius"),
         ("capsule", "point radius length axis rotation", "radius length"), ("cylinder", "point radius length axis rotation", "radius length"),
-        ("box", "point size rotation", "size"), ("mesh", "point file scale rotation", "file"), ("faces", "set", ""),
+        ("box", "point size rotation", "size"), ("mesh", "point file scale rotation", "file"), ("faces", "set divisions", ""),
         ("sprocket", "point teeth pitch roller_radius width tip axis rotation", "pitch roller_radius width"),
         ("line", "radius divisions", "radius"))},
     "contacts": {"": ("read_contact read_contact_law", "", "surfaces stiffness")},
     "materials": {"": ("read_material", "", "young")},
-    "markers": {"": ("read_marker read_attach read_axes read_where read_nodes", "same_as body global point axis x_axis rotation attach node near face"
-                     " nodes edge radius bore most_nodes", "")},
-    "supports": {"": ("read_where read_nodes read_support read_hold read_symmetry", "body node near face nodes edge radius bore hold symmetry"
+    "markers": {"": ("read_marker read_attach read_axes read_where read_nodes read_along", "same_as body global point axis x_axis rotation attach node near face"
+                     " nodes along edge radius bore most_nodes", "")},
+    "supports": {"": ("read_where read_nodes read_along read_support read_hold read_symmetry", "body node near face nodes along edge radius bore hold symmetry"
                       " rotation motion", "body")},
     "equations": {"": ("read_equation", "", "terms")},
-    "ties": {"": ("read_where read_nodes read_tie", "body node near face nodes edge radius bore to tolerance", "body to")},
+    "ties": {"": ("read_where read_nodes read_along read_tie", "body node near face nodes along edge radius bore to tolerance", "body to")},
     "splines": {"": ("read_spline CsvTable", "", "")},
     "events": {"": ("read_condition read_event", "", "when")},
     "controllers": {"": ("read_controller", "", "type file step")},
@@ -128,7 +129,7 @@ def type_of(section, kind, key):
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",
                ("splines", "x"): "Whole", ("splines", "y"): "Whole", ("events", "set"): "Mapping[str, Number]", ("Damping", "ratio"): "Number | Numbers",
                ("initial", "rotation"): "SteadyRotation", ("initial", "statics"): "bool | Statics", ("output", "paths"): "Mapping[str, Mapping[str, Any]]",
-               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("ties", "nodes"): "str | Items[Whole]", ("ties", "bore"): "Bore", ("ties", "to"): "Mapping[str, Any]", ("equations", "terms"): "Items[Mapping[str, Any]]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}
+               ("harmonic", "loads"): "Texts | Mapping[str, Any]", ("Bore", "radius"): "Number", ("markers", "nodes"): "str | Items[Whole]", ("supports", "nodes"): "str | Items[Whole]", ("ties", "nodes"): "str | Items[Whole]", ("ties", "bore"): "Bore", ("forces", "nodes"): "str | Items[Whole]", ("forces", "bore"): "Bore", ("ties", "to"): "Mapping[str, Any]", ("equations", "terms"): "Items[Mapping[str, Any]]", ("Frame", "nodes"): "str | Items[Whole]", ("events", "when"): "str"}
     if (section, kind) == ("bodies", "substructure") and key.name in ("stiffness", "mass"):
         return "MatrixFile"
     if (section, kind, key.name) in special:

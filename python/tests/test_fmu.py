@@ -1,9 +1,10 @@
 """Models as FMUs. tests/fmi has the truth of the steps; here is Python's call, and what FMPy, another importer, says of
-the files where it is installed (python -m pip install fmpy)."""
+the files where it is installed (python -m pip install fmpy; in .ci/run it is)."""
 
 import math
 import zipfile
 
+import numpy as np
 import pytest
 
 import espalier as esp
@@ -104,20 +105,26 @@ def test_another_integrator_runs_it(fmu):
     assert all(math.isclose(rows[-1][name], truth.value(name), rel_tol=2e-6, abs_tol=2e-6) for name in NAMES)
 
 
-def test_directional_derivatives(fmu):
-    fmpy = pytest.importorskip("fmpy")
+def instance_of(made, version, kind="coSimulation"):
+    """In its initialization, and the value references by name."""
+    pytest.importorskip("fmpy")
     from fmpy import extract, fmi2, fmi3, read_model_description
 
-    version, made = fmu
     d = read_model_description(made.path)
-    reference = {v.name: v.valueReference for v in d.modelVariables}
-    folder = extract(made.path)
-    slave = (fmi2.FMU2Slave if version == 2 else fmi3.FMU3Slave)(
-        guid=d.guid, unzipDirectory=folder, modelIdentifier=d.coSimulation.modelIdentifier, instanceName="a")
-    slave.instantiate()
+    makers = {("coSimulation", 2): fmi2.FMU2Slave, ("coSimulation", 3): fmi3.FMU3Slave,
+              ("modelExchange", 2): fmi2.FMU2Model, ("modelExchange", 3): fmi3.FMU3Model}
+    fmu = makers[kind, version](guid=d.guid, unzipDirectory=extract(made.path), modelIdentifier=getattr(d, kind).modelIdentifier,
+                                instanceName="a")
+    fmu.instantiate()
     if version == 2:
-        slave.setupExperiment(startTime=0.0)
-    slave.enterInitializationMode()
+        fmu.setupExperiment(startTime=0.0)
+    fmu.enterInitializationMode()
+    return fmu, {v.name: v.valueReference for v in d.modelVariables}
+
+
+def test_directional_derivatives(fmu):
+    version, made = fmu
+    slave, reference = instance_of(made, version)
     known, unknown = [reference["parameters.mass"]], [reference["m.acceleration.x"], reference["energy.total"]]
     by_mass = list(slave.getDirectionalDerivative(unknown, known, [1.0]))
     assert by_mass[0] == pytest.approx(-1 / 4, rel=1e-7)  # a = push / m
@@ -129,4 +136,140 @@ def test_directional_derivatives(fmu):
     assert by_push[0] == pytest.approx(2 * math.cos(1.5) / 2, rel=1e-9) and by_push[1] == pytest.approx(0, abs=1e-9)
     slave.terminate()
     slave.freeInstance()
-    assert fmpy.__version__
+
+
+RIG = """
+units = "SI"
+gravity = [0, -9.81, 0]
+[inputs]
+push = 0.7
+valve = 0.4
+[bodies.a]
+type = "point"
+mass = 2
+position = [1, 0, 0]
+velocity = [0.3, 1, 0]
+[bodies.b]
+type = "point"
+mass = 3
+position = [2, 0.5, 0.2]
+[bodies.c]
+type = "flexible"
+mesh = { box = [1, 1, 2], size = [0.1, 0.1, 0.6], at = [3, 0, 0] }
+material = { density = 800, young = 1e6, poisson = 0.3 }
+[forces.spring]
+type = "spring"
+a = "a"
+b = "b"
+stiffness = "80*(1 + inputs.valve^2)"
+rest = 0.9
+damping = 0.5
+[forces.tie]
+type = "spring"
+a = "b"
+b = { body = "c", near = [3, 0, 0] }
+stiffness = 200
+rest = 0.5
+damping = 1
+[forces.push]
+type = "load"
+a = "b"
+force = ["inputs.push*cos(inputs.push)", "-0.3*b.velocity.y^3", "inputs.valve*a.position.x"]
+[integrator]
+method = "generalized-alpha"
+step = 0.002
+end = 1
+"""
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_derivatives_of_model_exchange(tmp_path, version):
+    """Every derivative by every state and input, beside central differences of what the FMU says."""
+    made = esp.Model.from_text(RIG).export_fmu(tmp_path / "rig", version=version, outputs=["spring.strength", "energy.total", "b.acceleration.x"])
+    fmu, reference = instance_of(made, version, "modelExchange")
+    states = [reference[v.name] for v in made.variables if v.kind == "state"]
+    unknowns = [reference[v.name] for v in made.variables if v.kind in ("output", "derivative")]
+    inputs = [reference["push"], reference["valve"]]
+    get = fmu.getReal if version == 2 else fmu.getFloat64
+    put = fmu.setReal if version == 2 else fmu.setFloat64
+    fmu.exitInitializationMode()
+    (fmu.enterContinuousTimeMode if version == 3 else lambda: None)()
+    at = np.array(get(states + inputs))
+    generator = np.random.default_rng(1)
+    for _ in range(3):  # along random directions, and then one by one
+        seeds = [generator.uniform(-1, 1, len(at))]
+        seeds += [row for k, row in enumerate(np.eye(len(at))) if k % 5 == 0 or k >= len(states)]
+        point = at + generator.uniform(-1e-2, 1e-2, len(at))
+        for seed in seeds:
+            put(states + inputs, list(point))
+            told = np.array(fmu.getDirectionalDerivative(unknowns, states + inputs, list(seed)))
+
+            def value(way):
+                put(states + inputs, list(point + way * seed))
+                return np.array(get(unknowns))
+
+            h = 1e-4
+            truth = (8 * (value(h) - value(-h)) - value(2 * h) + value(-2 * h)) / (12 * h)
+            assert np.max(np.abs(truth)) > 0.1
+            assert np.max(np.abs(told - truth)) < 1e-7 * np.max(np.abs(truth))
+    fmu.terminate()
+    fmu.freeInstance()
+
+
+PENDULUM = """
+units = "SI"
+gravity = [0, -9.81, 0]
+[inputs]
+torque = 0.5
+[bodies.bob]
+type = "rigid"
+mass = 2
+inertia = [0.01, 0.01, 0.01]
+position = [0.7, 0, 0]
+[joints.hinge]
+type = "revolute"
+bodies = ["ground", "bob"]
+axis = [0, 0, 1]
+at = [0, 0, 0]
+[forces.drive]
+type = "torque-motor"
+bodies = ["ground", "bob"]
+at = [0, 0, 0]
+axis = [0, 0, 1]
+torque = "inputs.torque + 2*sin(inputs.torque)"
+[integrator]
+method = "generalized-alpha"
+step = 0.002
+end = 1
+"""
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_derivatives_through_joints(tmp_path, version):
+    """Co-simulation with constraints: closed form at each communication point, and differences of starts before."""
+    made = esp.Model.from_text(PENDULUM).export_fmu(tmp_path / "p", version=version, outputs=[
+        "bob.acceleration", "hinge.force", "hinge.angle"])
+    fmu, reference = instance_of(made, version)
+    names = ["bob.acceleration.x", "bob.acceleration.y", "hinge.force.x", "hinge.force.y", "hinge.angle"]
+    unknowns, known = [reference[n] for n in names], [reference["torque"]]
+    pin, arm = 0.01 + 2 * 0.7**2, 0.7
+
+    def truth(torque, angle):
+        spin = (1 + 2 * math.cos(torque)) / pin  # d(angular acceleration)/d(input)
+        a = np.array([-math.sin(angle), math.cos(angle)]) * spin * arm
+        return np.array([*a, *(2 * a), 0])
+
+    before = np.array(fmu.getDirectionalDerivative(unknowns, known, [1.0]))  # by differences
+    fmu.exitInitializationMode()
+    at_start = np.array(fmu.getDirectionalDerivative(unknowns, known, [1.0]))
+    assert np.allclose(before, truth(0.5, 0), rtol=0, atol=1e-7)
+    assert np.allclose(at_start, truth(0.5, 0), rtol=0, atol=1e-11)
+    for k in range(5):
+        torque = 0.5 - 0.3 * k
+        (fmu.setReal if version == 2 else fmu.setFloat64)(known, [torque])
+        fmu.doStep(currentCommunicationPoint=0.1 * k, communicationStepSize=0.1)
+        angle = (fmu.getReal if version == 2 else fmu.getFloat64)([reference["hinge.angle"]])[0]
+        told = np.array(fmu.getDirectionalDerivative(unknowns, known, [1.0]))
+        assert np.allclose(told, truth(torque, angle), rtol=0, atol=1e-10)
+    fmu.terminate()
+    fmu.freeInstance()

@@ -137,3 +137,118 @@ def test_couplings_in_any_order(tmp_path):
                 '<joint joint1="b" joint2="a" polycoef="0.1 3 0 0 0"/></equality>')
     tree = esp.Model.from_mjcf(path, positions={"a": 0.5}).tree["bodies"]
     assert [tree[k]["position"][0] for k in "abc"] == pytest.approx([0.5, 1.6, 3.2])
+
+
+def test_springdamper_of_one_joint(tmp_path):
+    """x'' + 2/T x' + x/(T z)^2 = 0, whatever the inertia is."""
+    time, ratio = 0.2, 0.4
+    path = mjcf(tmp_path, '<option gravity="0 0 0"/><worldbody><body name="bob"><joint name="hinge" axis="0 1 0" damping="7" '
+                f'springdamper="{time} {ratio}"/>{BOB}</body></worldbody>')
+    (angle,), _ = run(esp.Model.from_mjcf(path, positions={"hinge": 0.3}), ["hinge.angle"])
+    decay, rate = 1 / time, math.sqrt(1 / (time * ratio)**2 - 1 / time**2)
+    assert angle == pytest.approx(0.3 * math.exp(-decay * 0.5) * (math.cos(rate * 0.5) + decay / rate * math.sin(rate * 0.5)), abs=1e-7)
+
+
+def test_springdamper_feels_what_hangs_on_it(tmp_path):
+    """Two sliders, one on the other: M = [[m + n, n], [n, n]]; the diagonal of its inverse is 1/m and (m + n)/(m n)."""
+    m, n, time, ratio, armature = 2.0, 3.0, 0.1, 0.7, 0.5
+    path = mjcf(tmp_path, '<worldbody><body name="a"><joint name="one" type="slide" axis="1 0 0" springdamper="0.1 0.7"/>'
+                f'<inertial pos="0 0 0" mass="{m}" diaginertia="1 1 1"/><body name="b" pos="0 0 1" euler="0.3 0 0"><joint name="two" type="slide" '
+                f'axis="1 0 0" springdamper="0.1 0.7" armature="{armature}"/><inertial pos="0 1 0" mass="{n}" diaginertia="1 1 1"/></body></body></worldbody>')
+    forces = esp.Model.from_mjcf(path).tree["forces"]
+    mass = np.array([[m + n, n], [n, n + armature]])
+    for name, felt in zip(("one", "two"), 1 / np.diag(np.linalg.inv(mass)), strict=True):
+        assert forces[f"{name}_spring"]["stiffness"] == pytest.approx(felt / (time * ratio)**2, rel=1e-12)
+        assert forces[f"{name}_spring"]["damping"] == pytest.approx(2 * felt / time, rel=1e-12)
+
+
+def test_armature_of_a_free_joint(tmp_path):
+    """Kinetic energy a/2 v^2 + a/2 w^2 of the origin's velocity and the spin, and no weight: let go with its centre c beside the origin."""
+    m, c, inertia, a, g = 2.0, 0.3, 0.05, 0.4, 9.81
+    path = mjcf(tmp_path, f'<worldbody><body name="b"><joint type="free" armature="{a}"/><inertial pos="{c} 0 0" mass="{m}" '
+                f'diaginertia="{inertia} {inertia} {inertia}"/></body></worldbody>')
+    model = esp.Model.from_mjcf(path)
+    assert not any("armature" in notice for notice in model.notices)
+    model.tree["markers"] = {"origin": {"body": "b", "point": [-m * c / (m + a), 0, 0]}}
+    (z, vz), _ = run(model, ["origin.position.z", "origin.velocity.z"], end=1e-3)
+    lift, spin = np.linalg.solve([[m + a, -m * c], [-m * c, inertia + a + m * c**2]], [-m * g, m * g * c])
+    assert vz == pytest.approx(lift * 1e-3, rel=1e-5) and z == pytest.approx(lift * 5e-7, rel=1e-5) and spin > 0
+
+
+def test_spring_and_damping_of_a_free_joint(tmp_path):
+    m, k, d, size = 2.0, 30.0, 1.5, 0.05
+    path = mjcf(tmp_path, f'<option gravity="0 0 0"/><worldbody><body name="b" pos="1 2 3"><joint type="free" stiffness="{k}" damping="{d}"/>'
+                f'<inertial pos="0 0 0" mass="{m}" diaginertia="{size} {size} {size}"/></body></worldbody>'
+                f'<keyframe><key name="away" qpos="1.2 2 3 {math.cos(0.2)} 0 {math.sin(0.2)} 0"/></keyframe>')
+    model = esp.Model.from_mjcf(path, keyframe="away")
+    (x, y, turn), _ = run(model, ["b.position.x", "b.position.y", "b.angular_velocity.y"], end=0.5)
+
+    def swung(start, mass, rate):
+        decay = d / (2 * mass)
+        w2 = k / mass - decay**2
+        w = math.sqrt(w2)
+        e = math.exp(-decay * 0.5)
+        place = start * e * (math.cos(w * 0.5) + decay / w * math.sin(w * 0.5))
+        return -start * e * (w + decay**2 / w) * math.sin(w * 0.5) if rate else place
+
+    assert x - 1 == pytest.approx(swung(0.2, m, False), abs=1e-7) and y == pytest.approx(2, abs=1e-9)
+    assert turn == pytest.approx(swung(0.4, size, True), abs=1e-6)
+
+
+def test_replicate(tmp_path):
+    """Names and places as MuJoCo 4.0.0 has them: the number goes behind the name, the inner one first, and each copy stands in the frame of the
+    one before. Who names a copied joint is copied, too."""
+    path = mjcf(tmp_path, '<worldbody><replicate count="11" offset="0.1 0.2 0" euler="0 0 1.5707963267948966" sep="-"><body name="b" pos="1 0 0">'
+                f'<joint name="h" axis="0 1 0"/>{BOB}</body></replicate><body name="arm"><joint name="a" axis="0 1 0"/>{BOB}'
+                '<replicate count="3" offset="0 0 0.1" euler="0.17453292519943295 0 0.3490658503988659"><replicate count="2" offset="0.01 0 0" sep="_">'
+                '<site name="z"/></replicate></replicate></body></worldbody><actuator><motor name="m" joint="h"/><motor name="n" joint="a"/></actuator>')
+    model = esp.Model.from_mjcf(path)
+    tree = model.tree
+    assert [n for n in tree["bodies"] if n.startswith("b")] == [f"b-{k:02d}" for k in range(11)]
+    assert np.allclose(tree["bodies"]["b-03"]["position"], [-0.2, -0.9, -0.5])
+    assert np.allclose(tree["bodies"]["b-09"]["position"], [0.1, 1.2, -0.5])
+    assert sorted(n for n in tree["markers"] if n.startswith("z")) == ["z_00", "z_01", "z_02", "z_10", "z_11", "z_12"]
+    assert np.allclose(tree["markers"]["z_12"]["point"], [0.00766044, -0.01132459, 0.20067924 + 0.5], atol=1e-8)
+    assert sorted(tree["inputs"]) == sorted([*(f"m-{k:02d}" for k in range(11)), "n"])
+    assert tree["forces"]["m-07"]["type"] == "torque-motor" and "b-07" in str(tree["forces"]["m-07"])
+    model.tree["inputs"]["m-07"] = 2.0
+    (alone, driven), _ = run(model, ["h-00.angle", "h-07.angle"])
+    assert alone == pytest.approx(0, abs=1e-12) and driven == pytest.approx(swing(0, lambda t, q, w: 2)[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("wrong, words", [('<replicate count="2.5"/>', "whole number"), ('<replicate/>', "needs the attribute 'count'"),
+                                          ('<replicate count="1e9"><replicate count="1e9"/></replicate>', "100,000 copies")])
+def test_replicate_refused(tmp_path, wrong, words):
+    path = mjcf(tmp_path, f'<worldbody>{wrong}<body name="bob"><joint name="h"/>{BOB}</body></worldbody>')
+    with pytest.raises(esp.InvalidInputError, match=words):
+        esp.Model.from_mjcf(path)
+
+
+def test_macros_that_are_left_out_are_named(tmp_path):
+    path = mjcf(tmp_path, f'<worldbody><composite type="cable" count="3 1 1"/>\n<flexcomp name="f"/><attach model="m"/><body name="bob"><joint name="h"/>{BOB}</body></worldbody>')
+    notices = esp.Model.from_mjcf(path).notices
+    for line, tag in ((1, "composite"), (2, "flexcomp"), (2, "attach")):
+        assert any(f"robot.xml:{line}: <{tag}> and the bodies that it would make are left out" in n for n in notices)
+
+
+def test_files_that_include_themselves_by_another_name(tmp_path):
+    (tmp_path / "part.xml").write_text('<mujoco><include file="./part.xml"/></mujoco>')
+    with pytest.raises(esp.InvalidInputError, match="includes itself"):
+        esp.Model.from_mjcf(mjcf(tmp_path, '<include file="part.xml"/>'))
+    (tmp_path / "one.xml").write_text('<mujoco><include file="../%s/robot.xml"/></mujoco>' % tmp_path.name)
+    with pytest.raises(esp.InvalidInputError, match="robot.xml' includes itself"):
+        esp.Model.from_mjcf(mjcf(tmp_path, '<include file="one.xml"/>'))
+
+
+def test_a_rotor_that_is_heavy_beside_its_arm_keeps_the_given_velocity(tmp_path):
+    """As of dm_control's jaco_arm: an armature of 4 kg m^2 at links of 1e-3."""
+    light = '<inertial pos="0 0 -0.1" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/>'
+    inner = f'<body name="c" pos="0 0 -0.2"><joint name="three" axis="0 1 0" armature="2"/>{light}</body>'
+    path = mjcf(tmp_path, f'<worldbody><body name="a"><joint name="one" axis="0 1 0" armature="4"/>{light}<body name="b" pos="0 0 -0.2" '
+                f'quat="0 0 -0.707107 0.707107"><joint name="two" armature="4"/>{light}{inner}</body></body></worldbody>')
+    speeds = {"one": 0.17, "two": -0.13, "three": 0.11}
+    model = esp.Model.from_mjcf(path, velocities=speeds)
+    model.tree["output"] = {"quantities": [f"{n}.angular_speed" for n in speeds]}
+    simulation = esp.Simulation(model)
+    for name, speed in speeds.items():
+        assert simulation.value(f"{name}.angular_speed") == pytest.approx(speed, abs=1e-12)

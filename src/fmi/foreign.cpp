@@ -2,11 +2,8 @@
 
 #include <dlfcn.h>
 #include <fmt/format.h>
-#include <unistd.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <set>
@@ -37,7 +34,8 @@ std::string joined(const std::set<std::string>& names) {
 
 }  // namespace
 
-UnpackedFmu::UnpackedFmu(const ZipArchive& archive, const ModelDescription& description, const std::string& fmu) {
+UnpackedFmu::UnpackedFmu(const ZipArchive& archive, const ModelDescription& description, const std::string& fmu)
+    : folder_("espalier-fmu", fmu) {
   const std::string platform(kPlatforms[description.version]), home = "binaries/" + platform + "/";
   const std::string binary = home + description.identifier + ".so";
   const std::vector<std::string> names = archive.names();
@@ -51,16 +49,11 @@ UnpackedFmu::UnpackedFmu(const ZipArchive& archive, const ModelDescription& desc
             "it has no binary for this platform, {}; it has binaries for: {}{}", binary, joined(platforms),
             archive.has("sources/buildDescription.xml") || archive.has("sources/") ? "; compile its sources/" : ""));
   }
-  std::error_code error;
-  std::string folder = (fs::temp_directory_path(error) / "espalier-fmu-XXXXXX").string();
-  if (error || ::mkdtemp(folder.data()) == nullptr)
-    refuse_file(fmu, fmt::format("no folder can be made to unpack it: {}: {}", folder, std::strerror(errno)));
-  folder_ = folder;
   try {
-    fs::create_directories(folder_ + "/resources");
+    fs::create_directories(resources());
     for (const std::string& name : names) {
       if (!name.starts_with(home) && !name.starts_with("resources/")) continue;
-      const fs::path to = fs::path(folder_) / name;
+      const fs::path to = fs::path(folder_.path()) / name;
       fs::create_directories(to.parent_path());
       std::ofstream out(to, std::ios::binary);
       const std::string bytes = archive.read(name);
@@ -69,18 +62,9 @@ UnpackedFmu::UnpackedFmu(const ZipArchive& archive, const ModelDescription& desc
       if (!out) refuse_file(fmu, fmt::format("{} cannot be written: is the disk full?", to.string()));
     }
   } catch (const fs::filesystem_error& problem) {
-    fs::remove_all(folder_, error);
     refuse_file(fmu, fmt::format("it cannot be unpacked: {}", problem.what()));
-  } catch (...) {
-    fs::remove_all(folder_, error);
-    throw;
   }
-  binary_ = folder_ + "/" + binary;
-}
-
-UnpackedFmu::~UnpackedFmu() {
-  std::error_code ignored;
-  fs::remove_all(folder_, ignored);
+  binary_ = folder_.path() + "/" + binary;
 }
 
 ForeignFmu::ForeignFmu(std::string name, std::string title, ModelDescription description, const ZipArchive& archive)

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "fmi/crash_note.hpp"
+#include "fmi/held_folder.hpp"
 #include "fmi/model_description.hpp"
 #include "fmi/zip.hpp"
 
@@ -20,14 +21,12 @@ class UnpackedFmu {
  public:
   /// Binaries of this platform and resources. @throws Error(invalid_input)
   UnpackedFmu(const ZipArchive& archive, const ModelDescription& description, const std::string& fmu);
-  ~UnpackedFmu();
-  UnpackedFmu(const UnpackedFmu&) = delete;
-  UnpackedFmu& operator=(const UnpackedFmu&) = delete;
   [[nodiscard]] const std::string& binary() const { return binary_; }
-  [[nodiscard]] std::string resources() const { return folder_ + "/resources"; }
+  [[nodiscard]] std::string resources() const { return folder_.path() + "/resources"; }
 
  private:
-  std::string folder_, binary_;
+  HeldFolder folder_;
+  std::string binary_;
 };
 
 /// One instance. All calls throw Error(invalid_input) that names the FMU, the function and what the FMU said.

@@ -2,13 +2,12 @@
 // must end in time.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <barrier>
 #include <memory>
 #include <new>
 #include <thread>
-#include <utility>
-#include <vector>
 
 #include "base/thread_pool.hpp"
 #include "process.hpp"
@@ -81,15 +80,17 @@ TEST(Threads, ThatRunCanAllFailAtOnce) {
     std::barrier all(pool.size());
     std::atomic<int> failed{0};
     pool.run([&](int) {
-      std::vector<std::unique_ptr<char[]>> kept;
-      kept.reserve(10000);
+      // On the stack: with an arena for each of many threads the address space may be full here already, and who throws
+      // before the barrier is waited for without end.
+      std::array<std::unique_ptr<char[]>, 10000> kept;
       all.arrive_and_wait();
-      for (std::size_t size = std::size_t{1} << 26; size >= 32 && kept.size() < kept.capacity();) {
-        std::unique_ptr<char[]> more(new (std::nothrow) char[size]);
-        if (more == nullptr)
+      std::size_t many = 0;
+      for (std::size_t size = std::size_t{1} << 26; size >= 32 && many < kept.size();) {
+        kept[many].reset(new (std::nothrow) char[size]);
+        if (kept[many] == nullptr)
           size /= 2;
         else
-          kept.push_back(std::move(more));
+          ++many;
       }
       all.arrive_and_wait();
       try {

@@ -185,7 +185,7 @@ TEST_F(DeckLoads, BodyLoadsOfTheText) {
         "\"load\", body = \"bar\", " +
             load +
             " }\nmarkers.end = { body = \"bar\", face = \"x1\" }\nstatics = { linear = true, "
-            "time = 2 }\noutput = { quantities = [\"end.position.x\", \"f.pressure\"] }\n",
+            "time = 2 }\noutput = { quantities = [\"end.position.x\", \"f.factor\"] }\n",
         (folder_ / "model.toml").string());
     if (status.ok()) status = s.run();
     return std::pair(status, std::move(s));
@@ -193,7 +193,7 @@ TEST_F(DeckLoads, BodyLoadsOfTheText) {
   auto [spins, s] = loaded("angular_velocity = [0, 0, 3], point = [0, 0.5, 0.5], factor = \"t/4\"");
   ASSERT_TRUE(spins.ok()) << spins.message;
   EXPECT_NEAR(s.value("end.position.x"), 2 + 0.024, 1e-14);
-  EXPECT_EQ(s.value("f.pressure"), 0.5);
+  EXPECT_EQ(s.value("f.factor"), 0.5);
   EXPECT_NEAR(loaded("force_density = [3, 0, 0]").second.value("end.position.x"), 2 + 6e-3, 1e-14);
   EXPECT_NEAR(loaded("acceleration = [5, 0, 0], element_set = \"BAR\"").second.value("end.position.x"), 2.02, 1e-14);
   EXPECT_NE(loaded("element_set = \"BAR\"").first.message.find("needs 'acceleration', 'force_density'"),

@@ -159,5 +159,22 @@ TEST(Attach, OfAReducedBodyIsTheMean) {
   EXPECT_TRUE(said);
 }
 
+// f(t) - f(start) of a constant is nothing: a model that asks for it means something else.
+TEST(Motion, AConstantThatCountsFromTheStartIsRefused) {
+  const std::string block = "[bodies.block]\ntype = \"rigid\"\nmass = 1\nbox = [1, 1, 1]\nposition = [0.3, 0, 0]\n";
+  const auto led = [&](const std::string& motion) {
+    return block +
+           "[joints.way]\ntype = \"prescribed\"\na = \"ground\"\nb = \"block\"\ndirection = \"x\"\nfrom = "
+           "\"initial\"\nmotion = \"" +
+           motion + "\"\n[integrator]\nend = 1\n";
+  };
+  Simulation run;
+  const Status status = run.load_text(led("0.01"), "model.toml");
+  EXPECT_EQ(status.code, StatusCode::invalid_input);
+  EXPECT_NE(status.message.find("moves nothing"), std::string::npos) << status.message;
+  EXPECT_NEAR(simulated(led("0")).value("block.position.x"), 0.3, 1e-12);
+  EXPECT_NEAR(simulated(led("1 + 0.01 * t * t")).value("block.position.x"), 0.31, 1e-9);
+}
+
 }  // namespace
 }  // namespace espalier::dynamics

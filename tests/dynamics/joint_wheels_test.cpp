@@ -71,6 +71,67 @@ TEST(GearPair, ForcesActAtTheTeeth) {
   EXPECT_GT(runs.value("sun-bearing.angle"), 4 * kPi);
 }
 
+TEST(GearPair, TeethAtAPressureAnglePressTheWheelsApart) {
+  // As above, teeth at 20 degrees: each mesh adds 40 tan(20 degrees) on the planet, away from the sun and back from the
+  // ring; the sun's bearing carries its own share, whichever way the torque goes.
+  const double radial = 40 * std::tan(kPi / 9);
+  for (const int way : {1, -1}) {
+    std::string text = planetary(
+        fmt::format("[forces.drive]\ntype = \"load\"\na = {{ body = \"sun\" }}\nmoment = [0, 0, {}]\n[forces.back]\n"
+                    "type = \"load\"\na = {{ body = \"carrier\" }}\nmoment = [0, 0, {}]\n",
+                    way * 8, way * -28) +
+        kAccurate + "end = 0.5\n");
+    const std::string keys[] = {"teeth = [20, 15]\n", "teeth = [15, 50]\n"};
+    for (const std::string& key : keys) text.insert(text.find(key), "pressure_angle = \"pi / 9\"\n");
+    const Simulation s = simulated(text);
+    EXPECT_NEAR(s.value("main-bearing.angle"), 0, 1e-9);
+    EXPECT_NEAR(std::abs(s.value("outer.tooth_force")), 40, 1e-7);
+    EXPECT_NEAR(s.value("sun-bearing.force.x"), radial, 1e-6);  // on the sun: holds it where the planet pushes it back
+    EXPECT_NEAR(s.value("sun-bearing.force.y"), way * 40, 1e-6);
+    EXPECT_NEAR(s.value("pin.force.x"), 0, 1e-6);  // pushed out by the sun, in by the ring
+    EXPECT_NEAR(s.value("pin.force.y"), way * -80, 1e-6);
+    EXPECT_NEAR(s.value("outer.separating_force"), radial, 1e-6);
+    EXPECT_NEAR(s.value("inner.separating_force"), -radial, 1e-6);
+  }
+}
+
+TEST(GearPair, FrictionTakesItsShareOfThePower) {
+  // Two wheels in bearings: the first turns at 30, the other one is braked by 5. The teeth carry F = 5 / 0.4 and what
+  // friction takes, mu N with N = F / cos(angle); the motor pays for both: friction slows the pitch lines against each
+  // other, so that it acts on the first wheel alone in this frame of reference.
+  const double mu = 0.02, angle = kPi / 9, force = 5 / 0.4;
+  const Simulation s = simulated(
+      "gravity = [0, 0, 0]\n" + wheel("one", 1, 0.2, "") + wheel("two", 2, 0.3, "position = [0.6, 0, 0]") +
+      "[joints.first]\ntype = \"revolute\"\nbodies = [\"ground\", \"one\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]\n"
+      "[joints.second]\ntype = \"revolute\"\nbodies = [\"ground\", \"two\"]\nat = [0.6, 0, 0]\naxis = [0, 0, 1]\n"
+      "[joints.mesh]\ntype = \"gear-pair\"\na = { body = \"one\", axis = [0, 0, 1] }\nb = { body = \"two\" }\nteeth = "
+      "[10, 20]\npressure_angle = \"pi / 9\"\nfriction = { coefficient = 0.02, slip_speed = 1e-3 }\n"
+      "[joints.motor]\ntype = \"rotation-motor\"\nbodies = [\"ground\", \"one\"]\nat = [0, 0, 0]\naxis = [0, 0, "
+      "1]\nmotion = \"30 * t\"\n[forces.brake]\ntype = \"load\"\na = { body = \"two\" }\nmoment = [0, 0, 5]\n"
+      "[initial]\nvelocities = \"project\"\n" +
+      kAccurate + "end = 0.5\n");
+  EXPECT_NEAR(std::abs(s.value("mesh.tooth_force")), force, 1e-6);
+  const double lost = mu * force / std::cos(angle) * 0.2 * 30;
+  EXPECT_NEAR(std::abs(s.value("motor.moment.z")) * 30, 5 * 15 + lost, 1e-4 * lost);
+}
+
+TEST(RackPair, TeethAtAPressureAnglePressThePinionOff) {
+  // The pinion, above the rack, is turned against a cart that is held: it is lifted by tan(angle) times what it pulls.
+  for (const int way : {1, -1}) {
+    std::string text = rack_and_cart(
+        "fixed",
+        fmt::format("[forces.spin]\ntype = \"load\"\na = {{ body = \"pinion\" }}\nmoment = [0, 0, {}]\n", way * 6) +
+            kAccurate + "end = 0.1\n");
+    text.replace(text.find("\"prismatic\""), 11, "\"fixed\"");
+    text.insert(text.find("a = { body = \"rack\""), "pressure_angle = \"pi / 9\"\n");
+    const Simulation s = simulated(text);
+    const double pull = 6 / 0.2;
+    EXPECT_NEAR(std::abs(s.value("teeth.tooth_force")), pull, 1e-6);
+    EXPECT_NEAR(s.value("slide.force.y"), pull * std::tan(kPi / 9), 1e-6);  // holds the rack, which is pressed down
+    EXPECT_NEAR(s.value("teeth.separating_force"), pull * std::tan(kPi / 9), 1e-6);
+  }
+}
+
 TEST(GearPair, MovesWithItsFrameOfReference) {
   // Two free wheels far from everything, no carrier: momentum stays, and the pitch circles roll.
   const Simulation s =

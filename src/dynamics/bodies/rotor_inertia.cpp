@@ -6,7 +6,8 @@
 
 namespace espalier::dynamics {
 
-RotorInertia::RotorInertia(std::string name, double inertia) : Component(std::move(name)), inertia_(inertia) {
+RotorInertia::RotorInertia(std::string name, double inertia, double speed)
+    : Component(std::move(name)), inertia_(inertia), speed_(speed) {
   if (!(inertia > 0) || !std::isfinite(inertia))
     throw std::invalid_argument("rotor inertia \"" + this->name() + "\": must be positive and finite");
 }
@@ -14,6 +15,11 @@ RotorInertia::RotorInertia(std::string name, double inertia) : Component(std::mo
 void RotorInertia::place(const Placement& at) {
   Component::place(at);
   coordinates_[0] = at.v;
+}
+
+void RotorInertia::initial(Span q, Span v) const {
+  q[static_cast<std::size_t>(placement().q)] = 0;
+  v[static_cast<std::size_t>(placement().v)] = speed_;
 }
 
 std::string RotorInertia::coordinate_name(Index /*local_coordinate*/) const { return "armature of \"" + name() + "\""; }

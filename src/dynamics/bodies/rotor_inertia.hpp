@@ -12,9 +12,9 @@ namespace espalier::dynamics {
 /// One coordinate x with m x'' = 0; a constraint makes it follow the coordinate of a joint.
 class RotorInertia final : public Component {
  public:
-  /// @param inertia  mass, or moment of inertia where x is an angle
-  /// @throws std::invalid_argument if it is not positive and finite
-  RotorInertia(std::string name, double inertia);
+  /// @param inertia  mass, or moment of inertia where x is an angle @param speed  x' at the start, where x is 0
+  /// @throws std::invalid_argument if the inertia is not positive and finite
+  RotorInertia(std::string name, double inertia, double speed = 0);
 
   [[nodiscard]] const std::array<Index, 1>& coordinates() const { return coordinates_; }
   [[nodiscard]] double position(ConstSpan q) const { return q[static_cast<std::size_t>(placement().q)]; }
@@ -23,6 +23,7 @@ class RotorInertia final : public Component {
   [[nodiscard]] Sizes sizes() const override { return {1, 1, 0}; }
   [[nodiscard]] bool is_vector_space() const override { return true; }
   void place(const Placement& at) override;
+  void initial(Span q, Span v) const override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
@@ -31,7 +32,7 @@ class RotorInertia final : public Component {
   [[nodiscard]] Energy energy(const StateView& s) override;
 
  private:
-  double inertia_;
+  double inertia_, speed_;
   std::array<Index, 1> coordinates_{};
   Offset position_ = 0;
 };

@@ -107,6 +107,8 @@ class FaceSurface {
   [[nodiscard]] double mean_size() const { return mean_size_; }
   [[nodiscard]] bool is_line() const { return faces_.front().is_line(); }
   [[nodiscard]] int divisions() const { return divisions_; }
+  /// Of faces: parts in each direction that have points of integration of their own against rigid shapes.
+  void set_divisions(int divisions) { divisions_ = divisions; }
   /// Nodes that the faces have, each once, rising: their numbers in the body, and those on the bottom of a shell behind
   /// all of them; see body_node().
   [[nodiscard]] const std::vector<Index>& nodes() const { return nodes_; }

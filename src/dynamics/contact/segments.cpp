@@ -122,9 +122,21 @@ void add_triangle(const SurfaceFace& face, const FacePlane& plane, const std::ar
   }
 }
 
+/// In each direction.
+double divisions_of(const FaceSurface& surface, const SurfaceFace& face, double radius) {
+  constexpr double kApart = 0.5;  // of a face: its points, at least
+  const double own = surface.divisions();
+  return kApart * face.size / own > radius ? std::ceil(face.size / radius) : own;
+}
+
 }  // namespace
 
-void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactPoint>& out) {
+double count_of_points(const FaceSurface& surface, Index face, double radius) {
+  const double parts = divisions_of(surface, surface.face(face), radius);
+  return parts * parts * static_cast<double>(face_quadrature(surface.face(face).type).size());
+}
+
+void points_of_face(const FaceSurface& surface, Index face, double radius, std::vector<ContactPoint>& out) {
   const SurfaceFace& f = surface.face(face);
   if (f.is_line()) {
     // Abramowitz and Stegun, table 25.6
@@ -137,10 +149,22 @@ void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactP
         out.push_back({{face, {-1 + (2 * k + 1 + at) / parts, 0}}, 0.5 * weight * f.size / parts, -1});
     return;
   }
-  for (const QuadraturePoint& q : face_quadrature(f.type)) {
-    const double area = face_place(f, f.reference, q.xi.data()).normal_area().norm();
-    out.push_back({{face, {q.xi[0], q.xi[1]}}, q.weight * area, -1});
-  }
+  const auto parts = static_cast<int>(divisions_of(surface, f, radius));
+  const auto add = [&](const QuadraturePoint& q, double r, double s) {
+    const std::array<double, 2> xi = {r, s};
+    const double area = face_place(f, f.reference, xi.data()).normal_area().norm();
+    out.push_back({{face, xi}, q.weight * area / (1.0 * parts * parts), -1});
+  };
+  for (int i = 0; i < parts; ++i)
+    for (int j = 0; j < parts; ++j)
+      for (const QuadraturePoint& q : face_quadrature(f.type)) {
+        if (!f.is_triangle())
+          add(q, -1 + (2 * i + 1 + q.xi[0]) / parts, -1 + (2 * j + 1 + q.xi[1]) / parts);
+        else if (i + j < parts)
+          add(q, (i + q.xi[0]) / parts, (j + q.xi[1]) / parts);
+        else  // upside down, between those
+          add(q, (parts - i - q.xi[0]) / parts, (parts - j - q.xi[1]) / parts);
+      }
 }
 
 void points_of_segments(const FaceSurface& first, Index face, FaceSurface& second, double reach,

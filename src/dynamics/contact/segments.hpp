@@ -19,9 +19,13 @@ struct ContactPoint {
 /// Cosine between the normals of faces that look at each other, at most.
 inline constexpr double kFacing = -0.2;
 
-/// The points of a face against rigid shapes: those of a rule for pressure; of a line against anything: Lobatto's five
-/// points (degree seven, with both ends) in each division of the element.
-void points_of_face(const FaceSurface& surface, Index face, std::vector<ContactPoint>& out);
+/// The points of a face against rigid shapes: those of a rule for pressure in each of its divisions; of a line against
+/// anything: Lobatto's five points (degree seven, with both ends) in each division of the element.
+/// @param radius  of a round shape, which does not pass between points: a face that is larger than it is divided so
+/// that they are about half of it apart; infinite: none
+void points_of_face(const FaceSurface& surface, Index face, double radius, std::vector<ContactPoint>& out);
+/// How many points a face would have.
+[[nodiscard]] double count_of_points(const FaceSurface& surface, Index face, double radius);
 
 /// The points of a face of the first surface against those faces of the second one that look at it from within `reach`:
 /// both are put on the plane of the face, cut into common polygons (mortar segments; Puso and Laursen, Comput. Methods

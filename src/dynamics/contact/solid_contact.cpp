@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
+#include <limits>
 #include <stdexcept>
 
 #include "dynamics/contact/narrow.hpp"
@@ -20,6 +22,16 @@ bool any_left(const std::vector<Box>& wide, const std::vector<Box>& boxes) {
   return false;
 }
 
+constexpr double kNoRadius = std::numeric_limits<double>::infinity();
+
+/// Of shapes that are round to all sides where they touch; others have none.
+double round_radius(const Shape& shape) {
+  if (const auto* sphere = std::get_if<SphereShape>(&shape)) return sphere->radius;
+  if (const auto* capsule = std::get_if<CapsuleShape>(&shape)) return capsule->radius;
+  if (const auto* cylinder = std::get_if<CylinderShape>(&shape)) return cylinder->radius;
+  return kNoRadius;
+}
+
 }  // namespace
 
 SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface first, RigidSurface second,
@@ -27,6 +39,24 @@ SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface 
     : Contact(std::move(name)), law_(law), first_(std::move(first)), shape_(std::move(second)), allowed_(allowed) {
   check_shape(shape_.shape);
   begin();
+  check_points();
+}
+
+void SolidContact::check_points() const {
+  constexpr double kMost = 2e6;
+  if (first_.is_line()) return;
+  double sum = 0, largest = 0;
+  for (Index f = 0; f < static_cast<Index>(first_.faces().size()); ++f) {
+    sum += count_of_points(first_, f, round_radius(shape_.shape));
+    largest = std::max(largest, first_.face(f).size);
+  }
+  if (sum <= kMost) return;
+  char text[200];
+  std::snprintf(text, sizeof text,
+                "the shape is too small for its faces, which would need %.3g points of integration so that it does not "
+                "pass between them: its radius is %g, faces are up to %g long; divide the mesh where it touches",
+                sum, round_radius(shape_.shape), largest);
+  throw std::invalid_argument("'" + first_.name() + "': " + text);
 }
 
 SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface first, FaceSurface second,
@@ -97,7 +127,7 @@ void SolidContact::make_points() {
     if (second_ && !first_.is_line())
       points_of_segments(first_, f, *second_, reach_, points_);
     else
-      points_of_face(first_, f, points_);
+      points_of_face(first_, f, second_ ? kNoRadius : round_radius(shape_.shape), points_);
   }
   memory_.assign(points_.size(), {});
   transfer(old_points, old_memory);

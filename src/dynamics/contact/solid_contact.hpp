@@ -87,6 +87,8 @@ class SolidContact final : public Contact {
 
   [[nodiscard]] bool rigid() const { return !second_.has_value(); }
   void begin();
+  /// @throws std::invalid_argument where a small round shape would need too many points of integration
+  void check_points() const;
   [[nodiscard]] Memory remembered(const Acting& acting, const FacePlace& at) const;
   /// @param look_only  keeps the points of integration: what is asked for must not change the run
   void move_to(ConstSpan q, ConstSpan v, bool look_only = false);

@@ -1,6 +1,7 @@
 #include "dynamics/elements/beam_section.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 
@@ -31,7 +32,44 @@ BeamSection section_of(const Material& m, double area, double iy, double iz, dou
   return s;
 }
 
+/// Where forces along y and z have shear areas of their own.
+BeamSection thin_section(const Material& m, double area, double iy, double iz, double torsion,
+                         const std::array<double, 2>& shear_areas) {
+  BeamSection s = section_of(m, area, iy, iz, torsion, 1);
+  s.shear_y = m.mu() * shear_areas[0];
+  s.shear_z = m.mu() * shear_areas[1];
+  return s;
+}
+
+double cube(double x) { return x * x * x; }
+
 }  // namespace
+
+BeamSection tube_section(const Material& m, double outer, double wall) {
+  const double inner = outer - wall, ratio = inner / outer, more = 1 + ratio * ratio;
+  const double area = std::numbers::pi * (outer * outer - inner * inner);
+  const double i = 0.25 * area * (outer * outer + inner * inner);
+  return section_of(
+      m, area, i, i, 2 * i,
+      6 * (1 + m.poisson) * more * more / ((7 + 6 * m.poisson) * more * more + (20 + 12 * m.poisson) * ratio * ratio));
+}
+
+BeamSection box_section(const Material& m, const BoxShape& b) {
+  const double inner_h = b.height - 2 * b.wall_y, inner_w = b.width - 2 * b.wall_z;
+  const double h = b.height - b.wall_y, w = b.width - b.wall_z;  // between the middles of walls
+  const double bredt = 4 * cube(h) * cube(w) / (h * w) / (2 * h / b.wall_z + 2 * w / b.wall_y);
+  return thin_section(
+      m, b.height * b.width - inner_h * inner_w, (b.height * cube(b.width) - inner_h * cube(inner_w)) / 12,
+      (b.width * cube(b.height) - inner_w * cube(inner_h)) / 12, bredt, {2 * h * b.wall_z, 2 * w * b.wall_y});
+}
+
+BeamSection i_section(const Material& m, const IShape& s) {
+  const double inner = s.height - 2 * s.flange, between = s.height - s.flange;
+  return thin_section(
+      m, 2 * s.width * s.flange + inner * s.web, (2 * s.flange * cube(s.width) + inner * cube(s.web)) / 12,
+      (s.width * cube(s.height) - (s.width - s.web) * cube(inner)) / 12,
+      (2 * s.width * cube(s.flange) + between * cube(s.web)) / 3, {between * s.web, 2 * s.width * s.flange * 5 / 6});
+}
 
 BeamSection rectangular_section(const Material& m, double height, double width) {
   const double iz = width * height * height * height / 12, iy = height * width * width * width / 12;

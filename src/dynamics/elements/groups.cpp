@@ -102,7 +102,8 @@ class VertexGroup : public ElementGroup {
 template <int kPerNode>
 class ChainGroup : public VertexGroup<2 * kPerNode> {
  public:
-  ChainGroup(const std::vector<Index>& nodes, std::vector<double> length) : length_(std::move(length)) {
+  ChainGroup(const std::vector<Index>& nodes, std::vector<double> length, std::vector<std::int64_t> labels)
+      : length_(std::move(length)), labels_(std::move(labels)) {
     if (nodes.size() != length_.size() + 1)
       throw std::invalid_argument(fmt::format("chain of line elements: {} nodes need {} lengths, got {}", nodes.size(),
                                               nodes.size() - 1, length_.size()));
@@ -117,6 +118,9 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
       this->vertices_.push_back(vertices);
     }
   }
+  [[nodiscard]] std::int64_t label(Index e) const override {
+    return labels_.empty() ? e + 1 : labels_[static_cast<std::size_t>(e)];
+  }
 
  protected:
   [[nodiscard]] double length(Index e) const { return length_[static_cast<std::size_t>(e)]; }
@@ -128,12 +132,14 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
 
  private:
   std::vector<double> length_;
+  std::vector<std::int64_t> labels_;
 };
 
 class CableGroup final : public ChainGroup<2> {
  public:
-  CableGroup(const CableSection& section, const std::vector<Index>& nodes, std::vector<double> length)
-      : ChainGroup(nodes, std::move(length)), section_(section), kernel_(vector_cable_kernel()) {
+  CableGroup(const CableSection& section, const std::vector<Index>& nodes, std::vector<double> length,
+             std::vector<std::int64_t> labels)
+      : ChainGroup(nodes, std::move(length), std::move(labels)), section_(section), kernel_(vector_cable_kernel()) {
     cables_ = {section, common_length()};
     law_.of_kind = cables_;
   }
@@ -161,8 +167,9 @@ class CableGroup final : public ChainGroup<2> {
 
 class BeamGroup final : public ChainGroup<4> {
  public:
-  BeamGroup(const BeamSection& section, const std::vector<Index>& nodes, std::vector<double> length)
-      : ChainGroup(nodes, std::move(length)), section_(section) {}
+  BeamGroup(const BeamSection& section, const std::vector<Index>& nodes, std::vector<double> length,
+            std::vector<std::int64_t> labels)
+      : ChainGroup(nodes, std::move(length), std::move(labels)), section_(section) {}
   [[nodiscard]] bool evaluate(Index e, const ElementInput& in, ElementOutput& out) const override {
     return evaluate_beam(section_, length(e), in, out);
   }
@@ -345,12 +352,12 @@ std::string corner_folds(const Mesh& mesh, std::span<const Index> elements, base
 }
 
 std::unique_ptr<ElementGroup> make_cable_group(const CableSection& section, const std::vector<Index>& nodes,
-                                               std::vector<double> length) {
-  return std::make_unique<CableGroup>(section, nodes, std::move(length));
+                                               std::vector<double> length, std::vector<std::int64_t> labels) {
+  return std::make_unique<CableGroup>(section, nodes, std::move(length), std::move(labels));
 }
 std::unique_ptr<ElementGroup> make_beam_group(const BeamSection& section, const std::vector<Index>& nodes,
-                                              std::vector<double> length) {
-  return std::make_unique<BeamGroup>(section, nodes, std::move(length));
+                                              std::vector<double> length, std::vector<std::int64_t> labels) {
+  return std::make_unique<BeamGroup>(section, nodes, std::move(length), std::move(labels));
 }
 std::unique_ptr<ElementGroup> make_shell_group(const Material& material, double thickness,
                                                const std::vector<std::array<Index, 4>>& quads) {

@@ -41,14 +41,14 @@ std::vector<SmallestJacobian> smallest_jacobians(const Mesh& mesh, std::span<con
                                                  base::ThreadPool* pool = nullptr);
 
 /// A chain of cables: element e joins nodes nodes[e] and nodes[e + 1]; node k has the vertices 2k (r), 2k + 1 (r_x).
-/// @param length undeformed length of every element
+/// @param length undeformed length of every element @param labels  of the elements; empty: from 1 on
 std::unique_ptr<ElementGroup> make_cable_group(const CableSection& section, const std::vector<Index>& nodes,
-                                               std::vector<double> length);
+                                               std::vector<double> length, std::vector<std::int64_t> labels = {});
 
 /// A chain of beams: element e joins nodes[e] and nodes[e + 1]; node k has the vertices 4k (r), 4k + 1 (r_x),
 /// 4k + 2 (r_y), 4k + 3 (r_z).
 std::unique_ptr<ElementGroup> make_beam_group(const BeamSection& section, const std::vector<Index>& nodes,
-                                              std::vector<double> length);
+                                              std::vector<double> length, std::vector<std::int64_t> labels = {});
 
 /// Shells: four nodes each (anticlockwise seen from the side that the directors point to); node k has the vertices
 /// 2k (r), 2k + 1 (director).

@@ -40,6 +40,7 @@ class LoadedMaterial final : public PressedFaces {
     note_vertices(loaded, constant, mass);
   }
 
+  [[nodiscard]] const char* value_name() const override { return "factor"; }
   /// Pairs of vertices that the body has, too; without a spin only which coordinates the load acts on.
   void declare(PatternBuilder& w) const override {
     for (const Index row : rows_) w.add(row, row);

@@ -1,5 +1,5 @@
 /// \file
-/// Pressure on faces of a solid as a function of the state.
+/// Pressure on faces of a solid, or the factor of a load per length, as a function of the state.
 #pragma once
 
 #include <memory>
@@ -21,6 +21,7 @@ class FacePressure final : public Component, public Switching {
   void set_pressure(StateFunctionPtr pressure) { pressure_ = ForceInputs({std::move(pressure)}); }
   /// A pressure that is switched off is zero; it keeps its place in the tangent.
   void set_active(bool active) { active_ = active; }
+  [[nodiscard]] const PressedFaces& faces() const { return *faces_; }
   [[nodiscard]] const StateFunctionPtr& function() const { return pressure_.functions().front(); }
   /// On the function: that of the loads, zero where the pressure is switched off.
   [[nodiscard]] double factor() const { return active_ ? load_factor() : 0; }

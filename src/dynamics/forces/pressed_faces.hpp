@@ -18,6 +18,8 @@ class PressedFaces {
   virtual ~PressedFaces() = default;
   /// Velocity coordinates of the body that the faces depend on, each once.
   [[nodiscard]] const std::vector<Index>& rows() const { return rows_; }
+  /// What the pressure is called in outputs.
+  [[nodiscard]] virtual const char* value_name() const { return "pressure"; }
   virtual void declare(PatternBuilder& w) const = 0;
   virtual void bind(const SparsePattern& w) = 0;
   /// The force of a pressure of -1, one entry for each of rows().

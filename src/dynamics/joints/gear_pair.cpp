@@ -1,3 +1,5 @@
+#include <cmath>
+
 #include "dynamics/joints/rows.hpp"
 
 namespace espalier::dynamics {
@@ -11,5 +13,23 @@ std::unique_ptr<Joint> gear_pair(std::string name, FramePtr a, FramePtr b, doubl
   joint->name_row_force("tooth_force", 0);
   return joint;
 }
+
+namespace {
+
+class CentreDistance final : public PointFunction {
+ public:
+  [[nodiscard]] At at(const Vec3& p) const override {
+    const double rho = std::hypot(p.x(), p.y());
+    const Vec3 radial(p.x() / rho, p.y() / rho, 0);
+    Mat3 hessian = -radial * radial.transpose() / rho;
+    hessian(0, 0) += 1 / rho;
+    hessian(1, 1) += 1 / rho;
+    return {rho, radial, hessian};
+  }
+};
+
+}  // namespace
+
+PairFunctionPtr centre_distance() { return std::make_shared<CentreDistance>(); }
 
 }  // namespace espalier::dynamics

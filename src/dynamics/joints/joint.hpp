@@ -218,6 +218,10 @@ struct WormShape {
 [[nodiscard]] std::unique_ptr<Joint> worm_joint(std::string name, FramePtr a, FramePtr b, const WormShape& shape);
 /// How far the wheel's tooth has slid along the thread, up to a constant and whole turns.
 [[nodiscard]] PairFunctionPtr worm_slip(const WormShape& shape);
+/// How far apart two wheels stand: from the axis z of the first frame to the origin of the second one.
+[[nodiscard]] PairFunctionPtr centre_distance();
+/// Where the origin of the second frame is along `direction`, a unit vector in the axes of the first one.
+[[nodiscard]] PairFunctionPtr distance_along(const Vec3& direction);
 /// A cable without mass and stretch from the origin of the first frame through those of the others to the last one: the
 /// sum of the distances is `length`.
 [[nodiscard]] std::unique_ptr<Joint> cable_joint(std::string name, std::vector<FramePtr> frames, double length);

@@ -12,4 +12,19 @@ std::unique_ptr<Joint> rack_pair(std::string name, FramePtr a, FramePtr b, doubl
   return joint;
 }
 
+namespace {
+
+class DistanceAlong final : public PointFunction {
+ public:
+  explicit DistanceAlong(const Vec3& direction) : direction_(direction) {}
+  [[nodiscard]] At at(const Vec3& p) const override { return {direction_.dot(p), direction_, Mat3::Zero()}; }
+
+ private:
+  Vec3 direction_;
+};
+
+}  // namespace
+
+PairFunctionPtr distance_along(const Vec3& direction) { return std::make_shared<DistanceAlong>(direction); }
+
 }  // namespace espalier::dynamics

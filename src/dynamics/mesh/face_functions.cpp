@@ -1,5 +1,7 @@
 #include "dynamics/mesh/face_functions.hpp"
 
+#include <cmath>
+
 namespace espalier::dynamics {
 
 FaceFunctions face_functions(ElementType type, double r, double s) {

@@ -100,8 +100,11 @@ class Flattener final : public InpLookup {
     return false;
   }
 
+  [[nodiscard]] std::string place_of(std::int64_t line) const {
+    return fmt::format("{}:{}", model_.files[static_cast<std::size_t>(line / kLinesOfFile)], line % kLinesOfFile);
+  }
   [[noreturn]] void fail(std::int64_t line, const std::string& message) const {
-    throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", model_.path, line, message));
+    throw Error(StatusCode::invalid_input, fmt::format("{}: {}", place_of(line), message));
   }
 
   void add_notices() {
@@ -118,6 +121,7 @@ class Flattener final : public InpLookup {
       note("keywords that were passed over; take = \"all\" beside the file takes supports, loads and steps over",
            model_.passed_keywords);
     mesh_.notices.insert(mesh_.notices.end(), model_.notices.begin(), model_.notices.end());
+    note("elements with more nodes than their type has, those behind are left out", model_.long_elements);
     note("continuum shells are read as solids; they bend well with hex8 = \"shell\"", model_.solid_shells);
   }
 
@@ -190,6 +194,7 @@ class Flattener final : public InpLookup {
   const Labels& space_of(const InpMember& entry, const Labels& home) const {
     if (entry.instance.empty()) return home;
     const auto found = space_.find(entry.instance);
+    if (found == space_.end() && entry.instance == model_.assembly) return space_.at("");
     if (found == space_.end()) fail(entry.line, fmt::format("instance {} is not defined", entry.instance));
     return found->second;
   }
@@ -199,16 +204,37 @@ class Flattener final : public InpLookup {
     const char* kind = nodes ? "node" : "element";
     const Labels& space = space_of(entry, home);
     if (entry.name.empty()) return resolve_labels(entry, space, nodes, out);
+    if (nodes && entry.of_elements) return resolve_nodes_of(entry, space, depth, out);
     if (depth > 32) fail(entry.line, fmt::format("{} set {} contains itself", kind, entry.name));
     bool found = false;
     for (const InpScope* scope : space.scopes) {
-      const InpSets& sets = nodes ? scope->node_sets : scope->element_sets;
-      const auto set = sets.find(entry.name);
-      if (set == sets.end()) continue;
+      const InpSet* set = nodes ? find_node_set(*scope, entry) : find_set(scope->element_sets, entry.name);
+      if (set == nullptr) continue;
       found = true;
-      for (const InpMember& inner : set->second.entries) resolve(inner, space, nodes, depth + 1, out);
+      for (const InpMember& inner : set->entries) resolve(inner, space, nodes, depth + 1, out);
     }
     if (!found) fail(entry.line, fmt::format("{} set {} is not defined", kind, entry.name));
+  }
+
+  static const InpSet* find_set(const InpSets& sets, const std::string& name) {
+    const auto found = sets.find(name);
+    return found == sets.end() ? nullptr : &found->second;
+  }
+  /// Sets and surfaces of nodes may have one name.
+  static const InpSet* find_node_set(const InpScope& scope, const InpMember& entry) {
+    const InpSet* surface = find_set(scope.node_surfaces, entry.name);
+    const InpSet* set = find_set(scope.node_sets, entry.name);
+    return set == nullptr || (entry.of_surface && surface != nullptr) ? surface : set;
+  }
+
+  void resolve_nodes_of(const InpMember& set, const Labels& space, int depth, std::vector<Index>& out) const {
+    std::vector<Index> elements;
+    resolve(set, space, false, depth, elements);
+    for (const Index e : elements) {
+      count_member(set);
+      const auto nodes = mesh_.element(e);
+      out.insert(out.end(), nodes.begin(), nodes.end());
+    }
   }
 
   /// The labels of one entry that are defined, as Abaqus and CalculiX take them.
@@ -229,7 +255,7 @@ class Flattener final : public InpLookup {
 
   void note_undefined(const InpMember& entry, std::int64_t label, bool nodes) const {
     if (undefined_++ == 0)
-      first_undefined_ = fmt::format("{} {} in line {}", nodes ? "node" : "element", label, entry.line);
+      first_undefined_ = fmt::format("{} {} in {}", nodes ? "node" : "element", label, place_of(entry.line));
   }
 
   [[nodiscard]] bool was_passed_over(std::int64_t label, const Labels& space) const {
@@ -278,6 +304,13 @@ class Flattener final : public InpLookup {
           append(sets[spelling(nodes ? node_names_ : element_names_, set.spelling)], members);
           if (!instance.empty()) append(sets[instance + "." + set.spelling], members);
         }
+      for (const auto& [key, surface] : scope->node_surfaces) {
+        if (scope->node_sets.contains(key)) continue;
+        std::vector<Index> members;
+        for (const InpMember& entry : surface.entries) resolve(entry, space, true, 0, members);
+        append(mesh_.node_sets[spelling(node_names_, surface.spelling)], members);
+        if (!instance.empty()) append(mesh_.node_sets[instance + "." + surface.spelling], members);
+      }
       for (const auto& [key, surface] : scope->surfaces) add_surface(space, surface);
       // Sets of several instances have the same names.
       for (const auto& [key, material] : scope->section_material) {
@@ -304,12 +337,23 @@ class Flattener final : public InpLookup {
       for (const Index e : elements) {
         const auto count = shape_of(mesh_.type(e)).faces.size();
         if (shape_of(mesh_.type(e)).dimension < 3) continue;  // edges and sides of surface elements
+        if (entry.face < 0) {
+          add_outer_faces(e, faces);
+          continue;
+        }
         if (static_cast<std::size_t>(entry.face) >= count)
           fail(entry.line, fmt::format("element {} ({}) has no face S{}", mesh_.element_label(e),
                                        shape_of(mesh_.type(e)).name, entry.face + 1));
         faces.push_back({e, entry.face});
       }
     }
+  }
+
+  void add_outer_faces(Index element, std::vector<MeshFace>& faces) const {
+    if (outer_faces_.empty()) outer_faces_ = mesh_.boundary_faces();
+    for (auto f = std::lower_bound(outer_faces_.begin(), outer_faces_.end(), MeshFace{element, 0});
+         f != outer_faces_.end() && f->element == element; ++f)
+      faces.push_back(*f);
   }
 
   /// A material's name as *MATERIAL spells it.
@@ -329,8 +373,9 @@ class Flattener final : public InpLookup {
 
   const InpModel& model_;
   Mesh mesh_;
-  mutable std::size_t members_ = 0;    // of all sets
-  mutable std::size_t undefined_ = 0;  // members that do not exist
+  mutable std::vector<MeshFace> outer_faces_;  // in order; empty: not asked for yet
+  mutable std::size_t members_ = 0;            // of all sets
+  mutable std::size_t undefined_ = 0;          // members that do not exist
   mutable std::string first_undefined_;
   std::map<std::string, Labels> space_;  // by upper-case instance or part; "": the file
   std::vector<std::string> order_;       // instances in order of the file

@@ -15,6 +15,9 @@
 
 namespace espalier::dynamics {
 
+/// Lines that messages name: those of a file, plus this times its place in InpModel::files.
+constexpr std::int64_t kLinesOfFile = std::int64_t{1} << 40;
+
 struct InpNode {
   std::int64_t label;
   Point at;
@@ -33,7 +36,9 @@ struct InpMember {
   std::string name;      ///< upper case name of a set, or empty
   /// The labels first, first + step ... up to last: more than one of GENERATE. @pre first <= last, step > 0
   std::int64_t first = 0, last = 0, step = 1;
-  int face = -1;  ///< of surfaces: 0-based face of the element
+  int face = -1;             ///< of surfaces: 0-based face of the element; -1: those that are on the outside
+  bool of_surface = false;   ///< `name` is a surface of nodes, where there is one
+  bool of_elements = false;  ///< of sets of nodes: `name` is a set of elements, whose nodes are meant
   std::int64_t line = 0;
 };
 
@@ -48,7 +53,7 @@ struct InpScope {
   std::string name;  ///< upper case
   std::vector<InpNode> nodes;
   std::vector<InpElement> elements;
-  InpSets node_sets, element_sets, surfaces;
+  InpSets node_sets, element_sets, surfaces, node_surfaces;
   std::map<std::string, std::string> section_material;  ///< upper-case element set -> material as written
   std::set<std::int64_t> passed_over;                   ///< labels of elements that are no solids, shells, beams
 };
@@ -66,13 +71,16 @@ struct InpInstance {
 
 struct InpModel {
   std::string path;
+  std::string assembly;            ///< its name in upper case, which names of its sets may have in front
+  std::vector<std::string> files;  ///< the file itself and those that it includes
   InpScope root;
   std::vector<InpScope> parts;
   std::vector<InpInstance> instances;
   std::vector<MeshMaterial> materials;
   /// How many: elements by their types, keywords by their names, and solids that are read from continuum shells.
   std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
-  std::vector<std::string> notices{};  ///< of materials
+  std::vector<std::string> notices{};         ///< of materials
+  std::map<std::string, long> long_elements;  ///< with more nodes than their types have, by these
   /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of solids.
   bool is_deck = false;
   std::vector<InpCard> cards;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cctype>
 #include <filesystem>
+#include <utility>
 
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/inp_model.hpp"
@@ -16,19 +17,44 @@ namespace {
 
 constexpr int kDeepestInclude = 16, kMostIncludes = 1000;
 
+/// Keywords each of whose lines stands for itself: the lines may come from several files.
+bool takes_lines_of_files(const std::string& name) {
+  static constexpr std::string_view kNames[] = {"*NODE",  "*ELEMENT", "*NSET",   "*ELSET",    "*SURFACE",  "*NGEN",
+                                                "*CLOAD", "*DLOAD",   "*DSLOAD", "*BOUNDARY", "*EQUATION", "*MPC"};
+  return std::find(std::begin(kNames), std::end(kNames), name) != std::end(kNames);
+}
+
 class InpParser {
  public:
   explicit InpParser(InpModel& model) : model_(model) {}
 
   void file(const std::string& path, std::string content, int depth) {
     LineReader reader(path, std::move(content));
+    const std::int64_t before = std::exchange(file_, static_cast<std::int64_t>(model_.files.size()));
+    model_.files.push_back(path);
     std::string_view line;
     while (reader.next(line)) {
       if (is_inp_comment(line)) continue;
-      if (line.front() != '*')
-        reader.fail(fmt::format("expected a keyword that starts with *, found '{}'", line.substr(0, 40)));
-      keyword(reader, read_inp_keyword(reader, line), depth);
+      line = trim(line);
+      if (line.front() != '*') {  // data of the keyword before, where files meet
+        if (!takes_lines_of_files(open_.name))
+          reader.fail(fmt::format("expected a keyword that starts with *, found '{}'", line.substr(0, 40)));
+        reader.back();
+        keyword(reader, open_);
+        continue;
+      }
+      InpKeyword k = read_inp_keyword(reader, line);
+      if (k.name == "*INCLUDE") {
+        include(reader, k.need(reader, "INPUT"), depth);
+        continue;
+      }
+      const std::string input = takes_lines_of_files(k.name) ? k.get("INPUT") : "";
+      if (!input.empty()) k.parameters.erase("INPUT");
+      open_ = std::move(k);
+      keyword(reader, open_);
+      if (!input.empty()) include(reader, input, depth);
     }
+    file_ = before;
   }
 
  private:
@@ -37,29 +63,33 @@ class InpParser {
     return in_part_ ? model_.parts.back() : model_.root;
   }
 
-  void keyword(LineReader& reader, const InpKeyword& k, int depth) {
+  [[nodiscard]] std::int64_t here(const LineReader& reader) const { return file_ * kLinesOfFile + reader.line(); }
+
+  void keyword(LineReader& reader, const InpKeyword& k) {
     if (k.name == "*NODE") return nodes(reader, k);
     if (k.name == "*ELEMENT") return elements(reader, k);
-    if (k.name == "*NSET") return set(reader, k, inp_set(scope().node_sets, k.need(reader, "NSET")));
+    if (k.name == "*NSET") return node_set(reader, k, inp_set(scope().node_sets, k.need(reader, "NSET")));
     if (k.name == "*ELSET") return set(reader, k, inp_set(scope().element_sets, k.need(reader, "ELSET")));
     if (k.name == "*SURFACE") return surface(reader, k);
+    if (k.name == "*RESTART" && k.has("READ") && model_.is_deck)
+      reader.fail("*RESTART, READ goes on from another run, whose files are not read; take the whole model as a deck");
     if (k.name == "*DENSITY" || k.name == "*ELASTIC") return material(reader, k);
     if (k.name == "*INSTANCE") return instance(reader, k);
     if (k.name == "*SYSTEM") {
       system_ = read_inp_system(reader);
       return;
     }
-    if (generator_.generate(reader, k, system_, scope())) return;
+    if (generator_.generate(reader, k, system_, scope(), file_ * kLinesOfFile)) return;
     if (k.name == "*MATERIAL")
       model_.materials.push_back({k.need(reader, "NAME"), 0, 0, 0});
     else if (k.name == "*SOLIDSECTION")
       scope().section_material[upper(k.need(reader, "ELSET"))] = k.get("MATERIAL");
+    else if (k.name == "*ASSEMBLY")
+      model_.assembly = upper(k.get("NAME"));
     else if (k.name == "*PART")
       begin_part(k.need(reader, "NAME"));
     else if (k.name == "*ENDPART" || k.name == "*ENDINSTANCE")
       end_scope();
-    else if (k.name == "*INCLUDE")
-      include(reader, k, depth);
     else if (k.name == "*NMAP")
       reader.fail("*NMAP is not read; write the nodes out in full");
     else if (!is_idle_inp_keyword(k.name))
@@ -95,14 +125,16 @@ class InpParser {
     generator_.forget();
   }
 
-  void include(const LineReader& reader, const InpKeyword& k, int depth) {
+  void include(const LineReader& reader, const std::string& input, int depth) {
     if (depth >= kDeepestInclude) reader.fail("files include one another more than 16 deep");
     if (++includes_ > kMostIncludes) reader.fail(fmt::format("more than {} files are included", kMostIncludes));
-    const auto folder = std::filesystem::path(reader.path()).parent_path();
-    const std::string path = (folder / k.need(reader, "INPUT")).string();
-    if (!file_exists(path) || std::filesystem::is_directory(path))
-      reader.fail(fmt::format("*INCLUDE: there is no file '{}'", path));
-    file(path, read_whole_file(path), depth + 1);
+    for (const std::string& from : {reader.path(), model_.path}) {  // beside this file, or beside the first one
+      const std::string path = (std::filesystem::path(from).parent_path() / input).string();
+      if (file_exists(path) && !std::filesystem::is_directory(path))
+        return file(path, read_whole_file(path), depth + 1);
+    }
+    reader.fail(fmt::format("*INCLUDE: there is no file '{}'",
+                            (std::filesystem::path(reader.path()).parent_path() / input).string()));
   }
 
   void nodes(LineReader& reader, const InpKeyword& k) {
@@ -119,7 +151,7 @@ class InpParser {
       if (k.has("SYSTEM")) node.at = inp_rectangular(reader, k.get("SYSTEM"), node.at);
       node.at = system_.global(node.at);
       scope().nodes.push_back(node);
-      if (set != nullptr) set->entries.push_back(inp_labels(node.label, node.label, reader.line()));
+      if (set != nullptr) set->entries.push_back(inp_labels(node.label, node.label, here(reader)));
     }
   }
 
@@ -136,7 +168,7 @@ class InpParser {
     if (model_.is_deck) model_.solid_types.insert(name);
     std::string_view line;
     while (next_inp_data(reader, line)) {
-      InpElement e{*type, 0, {}, reader.line()};
+      InpElement e{*type, 0, {}, here(reader)};
       const int count = shape_of(*type).nodes;
       int have = -1;  // the label comes first
       while (true) {
@@ -147,13 +179,17 @@ class InpParser {
           (have < 0 ? e.label : e.nodes[static_cast<std::size_t>(have)]) = value;
           ++have;
         }
-        if (have == count) break;
+        if (have == count) {
+          std::string_view more;
+          if (fields.next(more) && !more.empty()) ++model_.long_elements[name];
+          break;
+        }
         if (!next_inp_data(reader, line))
           reader.fail(fmt::format("element {} of type {} has {} nodes, {} are needed", e.label, name, have, count));
       }
       scope().elements.push_back(e);
       if (is_inp_solid_shell(name)) ++model_.solid_shells[name];
-      if (set != nullptr) set->entries.push_back(inp_labels(e.label, e.label, reader.line()));
+      if (set != nullptr) set->entries.push_back(inp_labels(e.label, e.label, here(reader)));
     }
   }
 
@@ -169,8 +205,16 @@ class InpParser {
       const std::int64_t label = Fields(reader, line, ',').integer("element number");
       scope().passed_over.insert(label);
       ++model_.passed_elements[name];
-      if (set != nullptr) set->entries.push_back(inp_labels(label, label, reader.line()));
+      if (set != nullptr) set->entries.push_back(inp_labels(label, label, here(reader)));
     }
+  }
+
+  void node_set(LineReader& reader, const InpKeyword& k, InpSet& target) {
+    if (k.has("ELSET")) {
+      InpMember& e = target.entries.emplace_back(inp_member(k.get("ELSET"), upper(k.get("INSTANCE")), here(reader)));
+      e.of_elements = true;
+    }
+    set(reader, k, target);
   }
 
   void set(LineReader& reader, const InpKeyword& k, InpSet& target) {
@@ -183,28 +227,30 @@ class InpParser {
         Fields ahead = fields;
         const std::int64_t by = ahead.next(field) && !field.empty() ? fields.integer("increment") : 1;
         if (by <= 0 || to < from) reader.fail(fmt::format("GENERATE from {} to {} by {} makes no set", from, to, by));
-        InpMember& e = target.entries.emplace_back(inp_labels(from, to, reader.line()));
+        InpMember& e = target.entries.emplace_back(inp_labels(from, to, here(reader)));
         e.instance = instance;
         e.step = by;
         continue;
       }
       while (fields.next(field))
-        if (!field.empty()) target.entries.push_back(inp_member(field, instance, reader.line()));
+        if (!field.empty()) target.entries.push_back(inp_member(field, instance, here(reader)));
     }
   }
 
   void surface(LineReader& reader, const InpKeyword& k) {
     const std::string name = k.need(reader, "NAME"), type = upper(k.get("TYPE"));
-    if (type == "NODE") return set(reader, k, inp_set(scope().node_sets, name));
+    if (type == "NODE") return set(reader, k, inp_set(scope().node_surfaces, name));
     InpSet& target = inp_set(scope().surfaces, name);
     std::string_view line, field;
     while (next_inp_data(reader, line)) {
       Fields fields(reader, line, ',');
       if (!fields.next(field) || field.empty()) continue;
-      InpMember e = inp_member(field, upper(k.get("INSTANCE")), reader.line());
-      if (!fields.next(field) || field.size() != 2 || std::toupper(field[0]) != 'S' || field[1] < '1' || field[1] > '6')
-        continue;  // sides of shells, free surfaces: no faces of solids
-      e.face = field[1] - '1';
+      InpMember e = inp_member(field, upper(k.get("INSTANCE")), here(reader));
+      if (fields.next(field) && !field.empty()) {
+        if (field.size() != 2 || std::toupper(field[0]) != 'S' || field[1] < '1' || field[1] > '6')
+          continue;  // sides of shells, edges: no faces of solids
+        e.face = field[1] - '1';
+      }
       target.entries.push_back(e);
     }
   }
@@ -248,7 +294,7 @@ class InpParser {
     InpInstance& i = model_.instances.emplace_back();
     i.own.name = upper(k.need(reader, "NAME"));
     i.part = upper(k.get("PART"));
-    i.line = reader.line();
+    i.line = here(reader);
     in_instance_ = true;
     std::string_view line;
     if (!next_inp_data(reader, line)) return;
@@ -265,8 +311,10 @@ class InpParser {
   InpModel& model_;
   InpSystem system_;
   InpGenerator generator_;
+  InpKeyword open_;  // the last one but *INCLUDE
   bool in_part_ = false, in_instance_ = false;
-  int includes_ = 0;  // of all files together
+  int includes_ = 0;       // of all files together
+  std::int64_t file_ = 0;  // in InpModel::files
 };
 
 }  // namespace

@@ -218,11 +218,18 @@ NastranCards::Line NastranCards::split(std::string_view text) {
     line.wide = line.head.ends_with('*') || line.head.starts_with('*');
     const std::size_t most = line.wide ? 4 : 8;
     std::string_view rest = text.substr(comma + 1);
-    for (bool more = true; more && line.fields.size() < most;) {
+    bool more = true;
+    while (more && line.fields.size() < most) {
       const std::size_t end = rest.find(',');
       line.fields.emplace_back(trim(rest.substr(0, end)));
       more = end != std::string_view::npos;
       if (more) rest.remove_prefix(end + 1);
+    }
+    if (more) {  // then a mark; a number is none
+      const std::string mark(trim(rest.substr(0, rest.find(','))));
+      const bool number = !mark.empty() && mark.find_first_of("0123456789.-") == 0;
+      const std::string_view behind = rest.substr(std::min(rest.find(','), rest.size()));
+      if (number || behind.find_first_not_of(", \t") != std::string_view::npos) line.lost = std::string(trim(rest));
     }
     line.fields.resize(most);
     return line;
@@ -239,8 +246,17 @@ NastranCards::Line NastranCards::split(std::string_view text) {
   return line;
 }
 
+NastranCards::Line NastranCards::split(const Place& place) const {
+  Line line = split(place.text);
+  if (!line.lost.empty())
+    fail(place, fmt::format("'{}' stands behind the {} fields that a line between commas has; go on in a next line, "
+                            "that starts with +,",
+                            line.lost, line.fields.size()));
+  return line;
+}
+
 void NastranCards::append(NastranCard& card, std::size_t at) {
-  Line more = split(lines_[at].text);
+  Line more = split(lines_[at]);
   card.fields.insert(card.fields.end(), more.fields.begin(), more.fields.end());
 }
 
@@ -253,7 +269,7 @@ bool NastranCards::next(NastranCard& card) {
   while (at_ < lines_.size() && elsewhere_.contains(at_)) ++at_;
   if (at_ == lines_.size()) return false;
   const Place& place = lines_[at_];
-  Line line = split(place.text);
+  Line line = split(place);
   if (is_continuation(line.head)) fail(place, "a continuation line without a card before it");
   card.name = std::move(line.head);
   while (!card.name.empty() && card.name.back() == '*') card.name.pop_back();

@@ -46,6 +46,7 @@ class NastranCards {
     std::string head;  // first field, upper case
     std::vector<std::string> fields;
     bool wide = false;  // fields of 16 columns: 4 a line
+    std::string lost;   // what stands between commas where no field of the line is
   };
   /// A line of the bulk data that is not blank and no comment.
   struct Place {
@@ -65,6 +66,7 @@ class NastranCards {
   void append(NastranCard& card, std::size_t at);
   void repeat(NastranCard& card);
   [[nodiscard]] static Line split(std::string_view text);
+  [[nodiscard]] Line split(const Place& place) const;
   [[noreturn]] void fail(const Place& place, const std::string& message) const;
 
   std::list<std::string> contents_;        // of the files: stay where they are

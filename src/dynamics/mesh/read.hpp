@@ -32,7 +32,7 @@ Mesh parse_gmsh(std::string content, const std::string& name);
 ///   *SYSTEM, *NODE SYSTEM=C and S, *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY.
 /// Keywords and names are not case-sensitive; sets and materials keep the spelling of their first appearance.
 /// Element types: C3D4, C3D10(M), C3D8(R, I), C3D20(R), C3D6, C3D15, CSS8, SC8R, SC6R, and shells, membranes
-/// and surfaces with 3, 4, 6, 8 nodes, two- and three-node beams and trusses (kept as elements, not simulated).
+/// and surfaces with 3, 4, 6, 8 nodes, two- and three-node beams and trusses.
 /// Elements of other types are passed over, also in sets, and counted in a notice; C3D elements of unknown shape are
 /// errors. Other keywords (steps, loads, supports) are skipped with their data lines and counted in a notice.
 /// A set that is defined more than once is the union. Node and element labels are kept.

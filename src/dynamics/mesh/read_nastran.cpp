@@ -24,7 +24,11 @@ constexpr CardShape kCardShapes[] = {
     {"CPENTA", ElementType::wedge6, ElementType::wedge15}, {"CPYRAM", ElementType::pyramid5, ElementType::pyramid5},
     {"CTRIA3", ElementType::tri3, ElementType::tri3},      {"CTRIAR", ElementType::tri3, ElementType::tri3},
     {"CQUAD4", ElementType::quad4, ElementType::quad4},    {"CQUADR", ElementType::quad4, ElementType::quad4},
-    {"CTRIA6", ElementType::tri3, ElementType::tri6},      {"CQUAD8", ElementType::quad4, ElementType::quad8}};
+    {"CTRIA6", ElementType::tri3, ElementType::tri6},      {"CQUAD8", ElementType::quad4, ElementType::quad8},
+    {"CBAR", ElementType::line2, ElementType::line2},      {"CBEAM", ElementType::line2, ElementType::line2},
+    {"CROD", ElementType::line2, ElementType::line2}};
+/// Read where shells and beams are made of the mesh.
+constexpr const char* kSections[] = {"PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD"};
 // Position in the card of our node a: Nastran counts the upright edges before those of the top.
 constexpr int kCardHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
 constexpr int kCardWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
@@ -62,7 +66,7 @@ class NastranReader {
     if (systems_.take(card, mesh_)) return;
     if (shape_of_card(card) != nullptr) return element_cards_.push_back(card);
     if (card.name == "MAT1") return materials_.push_back(card);
-    if (card.name == "PSHELL") return;  // read where shells are made of the mesh
+    if (std::find(std::begin(kSections), std::end(kSections), card.name) != std::end(kSections)) return;
     if (card.name == "PSOLID") {
       solids_[card.integer(0, "property")] = card.integer(1, "material");
       return;
@@ -108,7 +112,7 @@ class NastranReader {
       turn_round(type, std::span(nodes).first(count));
       ++turned_;
     }
-    if (is_deck_ && shape_of(type).dimension == 2) deck_cards_.push_back(card);
+    if (is_deck_ && shape_of(type).dimension < 3) deck_cards_.push_back(card);
     const std::size_t added = elements_.add(type, label, {nodes.data(), count});
     elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
   }

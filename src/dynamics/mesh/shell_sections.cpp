@@ -8,7 +8,7 @@
 #include <optional>
 
 #include "dynamics/mesh/nastran_cards.hpp"
-#include "dynamics/mesh/read/inp_lines.hpp"
+#include "dynamics/mesh/read/inp_walk.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
 namespace espalier::dynamics {
@@ -30,24 +30,17 @@ double inp_offset(const LineReader& reader, const InpKeyword& keyword) {
 constexpr const char* kInstead = "give the body's 'thickness', 'material' and 'offset' in the model instead";
 
 std::vector<ShellSection> inp_sections(const std::string& path) {
-  LineReader reader(path, read_whole_file(path));
   std::vector<ShellSection> out;
   std::vector<std::string> parts;  // of each section
-  std::string part;
-  std::multimap<std::string, std::string> instances;  // of parts
-  std::string_view line;
-  while (reader.next(line)) {
-    const std::string_view text = trim(line);
-    if (is_inp_comment(line) || !text.starts_with('*')) continue;
-    const InpKeyword keyword = read_inp_keyword(reader, line);
-    if (keyword.name == "*PART") part = upper(keyword.get("NAME"));
-    if (keyword.name == "*ENDPART") part.clear();
-    if (keyword.name == "*INSTANCE") instances.emplace(upper(keyword.get("PART")), keyword.get("NAME"));
-    if (keyword.name != "*SHELLSECTION") continue;
+  InpInstances instances;
+  walk_inp(path, [&](LineReader& reader, const InpKeyword& keyword) {
+    instances.take(keyword);
+    if (keyword.name != "*SHELLSECTION") return;
     ShellSection section{keyword.need(reader, "ELSET"), keyword.get("MATERIAL"), 0, inp_offset(reader, keyword)};
     for (const char* other : {"COMPOSITE", "NODALTHICKNESS"})
       if (keyword.has(other))
-        section.fault = fmt::format("{}:{}: *SHELL SECTION, {} is not read; {}", path, reader.line(), other, kInstead);
+        section.fault =
+            fmt::format("{}:{}: *SHELL SECTION, {} is not read; {}", reader.path(), reader.line(), other, kInstead);
     std::string_view data;
     if (section.fault.empty() && next_inp_data(reader, data)) {
       Fields fields(reader, data, ',');
@@ -55,12 +48,12 @@ std::vector<ShellSection> inp_sections(const std::string& path) {
     }
     if (section.fault.empty() && !(section.thickness > 0)) reader.fail("*SHELL SECTION needs a thickness above 0");
     out.push_back(std::move(section));
-    parts.push_back(part);
-  }
+    parts.push_back(instances.part());
+  });
   for (std::size_t k = 0; k < parts.size(); ++k)
-    for (auto [it, end] = instances.equal_range(parts[k]); it != end; ++it) {
+    for (const std::string& name : instances.names(parts[k], out[k].set)) {
       out.push_back(out[k]);
-      out.back().set = it->second + "." + out[k].set;
+      out.back().set = name;
     }
   return out;
 }

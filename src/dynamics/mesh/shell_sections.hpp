@@ -17,9 +17,9 @@ struct ShellSection {
   std::string notice{};  ///< what is read otherwise
 };
 
-/// *SHELL SECTION of .inp (thickness on the next line, OFFSET with SPOS and SNEG; not those of *INCLUDE), PSHELL with
-/// ZOFFS of the elements of .bdf, .dat, .nas; none of other files. Where sets have the name of others, the last counts:
-/// those of a part's instances (INSTANCE.SET) stand behind all others.
+/// *SHELL SECTION of .inp (thickness on the next line, OFFSET with SPOS and SNEG), PSHELL with ZOFFS of the elements of
+/// .bdf, .dat, .nas; none of other files. Where sets have the name of others, the last counts: those of a part's
+/// instances (INSTANCE.SET) stand behind all others.
 /// @throws Error(invalid_input) that names file and line
 [[nodiscard]] std::vector<ShellSection> read_shell_sections(const std::string& path);
 

@@ -48,8 +48,14 @@ struct BodySizes {
     const double n = static_cast<double>(shell.nx) * shell.ny;
     return {n, 6 * n, kOfHex8};
   }
-  BodySize operator()(const CableSpec& c) const { return {1.0 * c.elements, 6.0 * c.elements, kOfLine}; }
-  BodySize operator()(const BeamSpec& b) const { return {1.0 * b.elements, 12.0 * b.elements, kOfLine}; }
+  BodySize operator()(const CableSpec& c) const {
+    if (c.file) return {};
+    return {1.0 * c.elements, 6.0 * c.elements, kOfLine};
+  }
+  BodySize operator()(const BeamSpec& b) const {
+    if (b.file) return {};
+    return {1.0 * b.elements, 12.0 * b.elements, kOfLine};
+  }
   BodySize operator()(const RigidSpec& /*rigid*/) const { return {}; }
   BodySize operator()(const PointSpec& /*point*/) const { return {}; }
   BodySize operator()(const SubstructureSpec& /*its files have a size*/) const { return {}; }

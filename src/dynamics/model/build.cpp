@@ -8,6 +8,9 @@
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/relative.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
+#include "dynamics/model/assembly/line_loads.hpp"
+#include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/element_notices.hpp"
@@ -119,6 +122,11 @@ class Builder {
   TimeFunction motion_of_text(const JointSpec& j, double initial) {
     TimeFunction f = j.function->function(j.place.text());
     if (!j.relative) return f;
+    if (const double still = j.function->value(); j.function->is_constant() && still != 0)
+      fail(j.place, fmt::format("'motion' with from = \"initial\" counts from its own value at the start, so that the "
+                                "constant {:g} moves nothing; write \"0\" to hold the coordinate, a function of t to "
+                                "move it, or leave 'from' out",
+                                still));
     const double start = initial - j.function->value(model_.integrator.start);
     f.value = [g = f.value, start](double t) { return start + g(t); };
     return f;
@@ -217,6 +225,8 @@ class Builder {
       add_pressure(given);
     } else if (given.type == ForceType::load && given.frames.empty()) {
       add_body_load(given);
+    } else if (given.type == ForceType::line_load) {
+      add_line_load(given);
     } else if (given.type == ForceType::cable) {
       const ForceSpec f = completed(given, frames_, out_);
       for (const MarkerSpec& marker : f.frames) hold_rigidly(marker, frames_, out_);
@@ -232,13 +242,11 @@ class Builder {
     for (BuiltBody& body : out_.bodies) {
       if (body.spec.name != f.body) continue;
       if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) {
-        if (f.face != "top" && f.face != "bottom")
-          throw std::invalid_argument(
-              "the faces of a shell are 'top', where its normal (x cross y) points to, and 'bottom'");
+        const PressedSide pressed = pressed_side(*shell, f.face);
         if (body.reduced != nullptr)
           throw std::invalid_argument(
               fmt::format("'{}' is reduced: pressure on a shell needs all its nodes; take out 'reduce'", f.body));
-        auto side = press_shell(*body.flexible, shell_quads(*shell), (f.face == "top" ? 0.5 : -0.5) * shell->thickness);
+        auto side = press_shell(*body.flexible, pressed.quads, pressed.height);
         out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(side))));
         return;
       }
@@ -270,6 +278,18 @@ class Builder {
       throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
     auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);
     out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(load))));
+  }
+
+  void add_line_load(const ForceSpec& f) {
+    const BuiltBody* body = out_.body(f.body);
+    if (body == nullptr) frames_.unknown_body(f.body, f.place);
+    const LineLoadLaw law{f.linear, f.angular, f.follower};
+    std::vector<LoadedPoint> points = points_of_line(f.where, *body, frames_);
+    if ((law.follower || !law.moment.isZero()) && !points.front().frame->has_rotation())
+      throw std::invalid_argument(
+          fmt::format("'{}' is a cable, which has no axes: forces of constant direction act on it", f.body));
+    out_.pressures.push_back(
+        &out_.system.add(std::make_unique<FacePressure>(f.name, load_line(std::move(points), law))));
   }
 
   /// Moments and directions of a place without axes would be lost without a word.
@@ -320,6 +340,7 @@ class Builder {
       }
       case ForceType::cable:
       case ForceType::pressure:
+      case ForceType::line_load:
         break;
     }
     throw std::logic_error("a type of force is missing in the builder");
@@ -332,61 +353,6 @@ class Builder {
 };
 
 }  // namespace
-
-Mechanism::Mechanism(int threads) : pool(threads > 0 ? threads : base::available_cores()) { system.set_pool(&pool); }
-
-const BuiltBody* Mechanism::body(const std::string& name) const {
-  for (const BuiltBody& b : bodies)
-    if (b.spec.name == name) return &b;
-  return nullptr;
-}
-
-Joint* Mechanism::joint(const std::string& name) const {
-  for (Joint* j : joints)
-    if (j->name() == name) return j;
-  return nullptr;
-}
-
-FacePressure* Mechanism::pressure(const std::string& name) const {
-  for (FacePressure* p : pressures)
-    if (p->name() == name) return p;
-  return nullptr;
-}
-
-const BuiltContact* Mechanism::surface_contact(const std::string& name) const {
-  for (const BuiltContact& c : surface_contacts)
-    if (c.name == name) return &c;
-  return nullptr;
-}
-
-const BuiltForce* Mechanism::force(const std::string& name) const {
-  for (const BuiltForce& f : forces)
-    if (f.force->name() == name) return &f;
-  return nullptr;
-}
-
-const Support* Mechanism::support(const std::string& name) const {
-  for (const Support* s : supports)
-    if (s->name() == name) return s;
-  return nullptr;
-}
-
-void Mechanism::load_functions_of_state(double factor) {
-  const auto depends = [](const StateFunctionPtr& f) { return !f->coordinates().empty() || !f->multipliers().empty(); };
-  for (const BuiltForce& f : forces)
-    if (const auto& inputs = f.force->inputs().functions(); std::any_of(inputs.begin(), inputs.end(), depends))
-      f.force->set_load_factor(factor);
-  for (FacePressure* p : pressures)
-    if (depends(p->function())) p->set_load_factor(factor);
-}
-
-std::string Mechanism::inverted_elements() const {
-  std::string text;
-  for (const BuiltBody& b : bodies)
-    if (b.flexible != nullptr && b.flexible->inverted_element() >= 0)
-      text += fmt::format("; element {} of '{}' has turned inside out", b.flexible->inverted_element(), b.spec.name);
-  return text;
-}
 
 std::unique_ptr<Mechanism> build(const Description& model, int threads) {
   // Loops of a step over fewer velocities take as long alone: other threads spin and wake up longer than they work
@@ -405,6 +371,9 @@ std::unique_ptr<Mechanism> build(const Description& model, int threads) {
     if (solid != nullptr && std::holds_alternative<MeshFile>(solid->mesh))
       result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
                                 mesh_digest(*body.mesh));
+    if (const LineFile* lines = line_file(body))
+      result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
+                                mesh_digest(*lines->mesh));
     if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape); shell != nullptr && shell->file)
       result->keys.emplace_back(fmt::format("bodies.{}.mesh.file (its content)", body.spec.name),
                                 mesh_digest(*shell->mesh));

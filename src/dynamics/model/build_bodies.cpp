@@ -10,6 +10,7 @@
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/sides.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
@@ -172,6 +173,7 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
 std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool statics, base::ThreadPool& pool,
                                                  BuiltBody& out) {
   if (const auto* solid = std::get_if<SolidSpec>(&spec.shape)) return make_solid(spec, *solid, statics, pool, out);
+  if (line_file(out) != nullptr) return make_lines(spec, statics, out);
   if (const auto* c = std::get_if<CableSpec>(&spec.shape))
     return make_cable_body(spec.name, to_point(c->start), to_point(c->end), c->elements, c->section);
   if (const auto* b = std::get_if<BeamSpec>(&spec.shape))
@@ -230,6 +232,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
   const Vec3 at_origin = spec.velocity - spec.angular_velocity.cross(spec.position);
   body->set_initial_motion(rows, to_point(spec.position), to_point(at_origin), to_point(spec.angular_velocity));
   built.flexible = &out.system.add(std::move(body));
+  join_lines(built, out);
   return built;
 }
 

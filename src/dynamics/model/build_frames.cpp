@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -10,6 +11,8 @@
 #include "dense/dense.hpp"
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/reduced_frame.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
+#include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/frames/labels.hpp"
@@ -26,14 +29,15 @@ Vec3 reference_node(const FlexibleBody& body, Index node) {
 /// In how many ways a marker says where on a flexible body it is.
 int ways_of(const MarkerSpec& m) {
   const bool weighed = m.by_nodes() && m.attach == Attach::mean;  // the face says how much
-  return (m.node ? 1 : 0) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() || weighed ? 0 : 1) +
-         (m.by_nodes() ? 1 : 0) + (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
+  return (m.node ? 1 : 0) + (m.along.empty() ? 0 : 1) + (m.near && m.face.empty() ? 1 : 0) +
+         (m.face.empty() || weighed ? 0 : 1) + (m.by_nodes() ? 1 : 0) + (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
 }
 
 void check_ways(const MarkerSpec& m) {
   if (ways_of(m) != 1)
     throw std::invalid_argument(
-        fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], face = \"SET\", nodes = "
+        fmt::format("'{}' is flexible: say where with one of node = LABEL, near = [x, y, z], along = SHARE, face = "
+                    "\"SET\", nodes = "
                     "\"SET\" or [LABEL, LABEL, ...], edge = [\"FACE\", \"FACE\"], bore = {{ point, axis, radius }}",
                     m.body));
 }
@@ -133,6 +137,21 @@ std::optional<Vec3> arm_of(const MarkerSpec& m, const BuiltBody& body, const Fle
   return Vec3(frame.axes().transpose() * (*wanted_mean(m, body) - mean));
 }
 
+/// The node at a share of the length of a beam or cable, or those between two.
+std::vector<Index> nodes_along(const MarkerSpec& m, const BuiltBody& body) {
+  if (line_chains(body).empty() || line_file(body) != nullptr)
+    throw std::invalid_argument(fmt::format(
+        "'along' is of beams and cables that are given by their dimensions; say otherwise where on '{}'", m.body));
+  const auto last = static_cast<double>(body.flexible->nodes() - 1);
+  if (m.along.size() == 1) return {static_cast<Index>(std::lround(m.along[0] * last))};
+  constexpr double kSlack = 1e-9;
+  std::vector<Index> nodes;
+  for (Index k = 0; k < body.flexible->nodes(); ++k)
+    if (k >= m.along[0] * last - kSlack && k <= m.along[1] * last + kSlack) nodes.push_back(k);
+  if (nodes.empty()) throw std::invalid_argument("no node lies there along the line: it needs more elements");
+  return nodes;
+}
+
 }  // namespace
 
 void FrameBuilder::note_initial_state() {
@@ -211,6 +230,11 @@ FrameMotion FrameBuilder::initial_motion(const MarkerSpec& marker) const {
 
 Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
   const FlexibleBody& flexible = *body.flexible;
+  if (!m.along.empty()) {
+    const std::vector<Index> nodes = nodes_along(m, body);
+    if (nodes.size() > 1) throw std::invalid_argument("'along' names several nodes: one is needed here, along = 0.5");
+    return nodes.front();
+  }
   if (m.near) {
     Index best = 0;
     double least = std::numeric_limits<double>::infinity();
@@ -289,9 +313,12 @@ std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& 
   } else if (!m.labels.empty()) {
     nodes = nodes_labelled(body, m.labels);
   } else if (!m.nodes.empty()) {
-    if (shell == nullptr && !body.mesh)
-      throw std::invalid_argument(fmt::format("'{}' has no node sets; give a node", m.body));
-    nodes = shell != nullptr ? shell_nodes(body, m.nodes) : body.mesh->node_set(m.nodes);
+    if (named_mesh(body) == nullptr)
+      throw std::invalid_argument(
+          fmt::format("'{}' has no node sets; give a node, or of a beam or cable 'along'", m.body));
+    nodes = shell != nullptr ? shell_nodes(body, m.nodes) : named_mesh(body)->node_set(m.nodes);
+  } else if (!m.along.empty()) {
+    nodes = nodes_along(m, body);
   } else if (!m.face.empty() || m.bore) {
     const std::vector<MeshFace> faces = faces_of(m, body);
     nodes = body.mesh->nodes_of_faces(faces);

@@ -122,14 +122,14 @@ class FunctionBuilder {
       if (component) inputs.push_back(make(*component));
     const auto drive = out_.drives.find(spec.name);
     if (drive != out_.drives.end()) {
-      const double otherwise = spec.type == ForceType::load ? 1 : 0;
+      const double otherwise = spec.type == ForceType::load || spec.type == ForceType::line_load ? 1 : 0;
       inputs.push_back(std::make_shared<DrivenFunction>(
           spec.formula ? make(*spec.formula) : constant_function(otherwise), drive->second));
     } else if (spec.formula) {
       inputs.push_back(make(*spec.formula));
     }
     if (FacePressure* pressure = out_.pressure(spec.name))
-      pressure->set_pressure(std::move(inputs.front()));
+      pressure->set_pressure(inputs.empty() ? constant_function(1) : std::move(inputs.front()));
     else
       out_.force(spec.name)->force->set_inputs(std::move(inputs));
     done_.push_back(spec.name);
@@ -162,8 +162,12 @@ PairCoordinate turn_about_z() { return {Relative::angle, 2}; }
 StateFunctionPtr friction_load_of(const JointSpec& spec, const Joint& joint, const JointStart& start) {
   const FrictionSpec& f = *spec.friction;
   if (joint_freedom(spec.type).whole_force) return friction_load_of_force(joint, f.load.preload);
-  if (spec.type != JointType::worm) return friction_load(joint, f.load);
-  return friction_load_of_row(joint, 0, 1 / std::cos(worm_shape(spec, start).lead_angle()), f.load.preload);
+  const auto of_tooth = [&](double angle) {
+    return friction_load_of_row(joint, 0, 1 / std::cos(angle), f.load.preload);
+  };
+  if (spec.type == JointType::worm) return of_tooth(worm_shape(spec, start).lead_angle());
+  if (has_spur_teeth(spec.type)) return of_tooth(spec.pressure_angle);
+  return friction_load(joint, f.load);
 }
 
 void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
@@ -191,6 +195,7 @@ void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& join
   };
   PairCoordinate slide = coordinate_of_joint(joint, "displacement", slide_along_z());
   if (spec.type == JointType::worm) slide.function = worm_slip(worm_shape(spec, start));
+  if (has_spur_teeth(spec.type)) slide = pitch_line(spec, start);
   std::vector<StateFunctionPtr> along = {load}, about = {load};
   if (freedom.turns && freedom.slides) {
     along.push_back(rate(turn_about_z(), f.radius));
@@ -201,9 +206,28 @@ void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& join
     contacts.angle_friction = add("angular friction", turn_about_z(), {f.curve, f.radius, f.angular_viscous}, about);
 }
 
-/// The rotor has a coordinate of its own, which follows that of the joint.
+/// Teeth at a pressure angle press the wheels apart by tan(angle) times the force along the pitch line.
+void add_separation(const JointSpec& spec, const FrameBuilder& frames, const Joint& joint, Mechanism& out) {
+  const Separation apart = separation_of(spec, start_of(spec.frames, frames));
+  auto force = std::make_unique<CoordinateForce>(spec.name + " separating force", frames.make(spec.frames[0]),
+                                                 frames.make(spec.frames[1]), apart.coordinate, motor_law());
+  force->set_inputs({scaled(friction_load_of_row(joint, 0, std::tan(spec.pressure_angle), 0), apart.factor)});
+  out.contacts[spec.name].separation = &out.system.add(std::move(force));
+}
+
+/// Rate of a joint's coordinate at the start, about or along z of its frame a.
+double initial_rate(const JointSpec& spec, const FrameBuilder& frames) {
+  const FrameMotion a = frames.initial_motion(spec.frames[0]), b = frames.initial_motion(spec.frames[1]);
+  const Vec3 rate =
+      spec.type == JointType::revolute ? Vec3(b.omega - a.omega) : Vec3(b.vel - a.vel - a.omega.cross(b.r - a.r));
+  return rate.dot(a.rot.col(2));
+}
+
+/// The rotor has a coordinate of its own, which follows that of the joint; from the start on: a rotor that is heavy
+/// beside its body would hold the body's velocity else.
 void add_armature(const JointSpec& spec, const FrameBuilder& frames, Mechanism& out) {
-  const auto& rotor = out.system.add(std::make_unique<RotorInertia>(spec.name, spec.armature));
+  const auto& rotor =
+      out.system.add(std::make_unique<RotorInertia>(spec.name, spec.armature, initial_rate(spec, frames)));
   const auto frame = [&](std::size_t k) { return frames.make(spec.frames[k]); };
   FramePtr ground = std::make_unique<GroundFrame>(), at_rotor = std::make_unique<RotorFrame>(rotor);
   const std::string name = spec.name + " armature";
@@ -229,6 +253,7 @@ void build_contacts(const JointSpec& spec, const FrameBuilder& frames, Joint& jo
     out.contacts[spec.name].angle_stop =
         add_stop("angular stop", coordinate_of_joint(joint, "bend_angle", turn_about_z()), *spec.angle_stop);
   if (spec.friction) add_friction(spec, frames, joint, out);
+  if (spec.pressure_angle > 0) add_separation(spec, frames, joint, out);
   if (spec.armature > 0) add_armature(spec, frames, out);
 }
 
@@ -248,7 +273,7 @@ void build_controls(const Description& model, Mechanism& out) {
     if (const auto it = out.contacts.find(spec.name); it != out.contacts.end())
       for (FrameForce* f :
            std::initializer_list<FrameForce*>{it->second.stop, it->second.angle_stop, it->second.friction,
-                                              it->second.angle_friction, it->second.sliding})
+                                              it->second.angle_friction, it->second.sliding, it->second.separation})
         if (f != nullptr) s.forces.push_back(f);
     controls->switches.push_back(std::move(s));
   }

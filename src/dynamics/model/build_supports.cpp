@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -30,6 +31,10 @@ class SupportBuilder {
         if (spec_.held[static_cast<std::size_t>(i)])
           add(node, place, axes.col(i), motion[static_cast<std::size_t>(i)],
               spec_.symmetry ? "the normal" : std::string(1, "xyz"[i]));
+      if (each == 4 && spec_.slopes)  // the section's y and z
+        for (const Index axis : {2, 3})
+          for (int i = 0; i < 3; ++i)
+            add(node, place + axis, Vec3::Unit(i), -1, fmt::format("section {}{}", "yz"[axis - 2], "xyz"[i]));
       if (each != 2) continue;
       if (spec_.slopes) clamp_slope(node, place + 1);
       if (spec_.symmetry) mirror_slope(node, place + 1, axes);
@@ -57,10 +62,11 @@ class SupportBuilder {
       fail(spec.place, fmt::format("'{}' has no nodes: supports hold those of flexible bodies; take a joint to the "
                                    "ground",
                                    body->spec.name));
-    if (body->flexible->vertices_per_node() == 4 && (spec.slopes || spec.symmetry))
-      fail(spec.place, fmt::format("nodes of '{}' turn: clamp them, or hold them in a plane, with a fixed or planar "
-                                   "joint to the ground; supports hold their places (hold = \"xyz\")",
-                                   body->spec.name));
+    if (body->flexible->vertices_per_node() == 4 && spec.symmetry)
+      fail(spec.place,
+           fmt::format("nodes of '{}' turn: hold them in a plane with a planar joint to the ground; supports "
+                       "clamp them (hold = \"all\") or hold their places (hold = \"xyz\")",
+                       body->spec.name));
     if (const auto* shell = std::get_if<ShellSpec>(&body->spec.shape))
       if (shell->offset != 0 && !spec.slopes)
         fail(spec.place,
@@ -130,8 +136,8 @@ class SupportBuilder {
   }
 
   [[nodiscard]] std::int64_t label(Index node) const {
-    if (const auto* shell = std::get_if<ShellSpec>(&body_.spec.shape)) return shell->mesh->node_label(node);
-    return body_.mesh ? body_.mesh->node_label(node) : std::int64_t{node} + 1;
+    const Mesh* mesh = named_mesh(body_);
+    return mesh != nullptr ? mesh->node_label(node) : std::int64_t{node} + 1;
   }
 
   const SupportSpec& spec_;

@@ -10,6 +10,7 @@
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/contact/surface_file.hpp"
 #include "dynamics/mesh/file_source.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/start_report.hpp"
 
@@ -133,6 +134,7 @@ class SurfaceBuilder {
         surface = shell_surface(s, *body);
       else
         surface = solid_surface(s, body);
+      if (const auto* faces = std::get_if<SolidFaces>(&s.shape)) surface->set_divisions(faces->divisions);
     });
     return std::move(*surface);
   }
@@ -160,6 +162,9 @@ class SurfaceBuilder {
 
   [[nodiscard]] static contact::FaceSurface line_surface(const SurfaceSpec& s, const LineSurface& line,
                                                          const BuiltBody* body) {
+    if (body != nullptr && line_file(*body) != nullptr)
+      throw std::invalid_argument(fmt::format(
+          "'{}' is of a mesh file; lines that touch are beams and cables that are given by their dimensions", s.body));
     if (body != nullptr) {
       if (const auto* cable = std::get_if<CableSpec>(&body->spec.shape))
         return {s.name, *body->flexible, (cable->end - cable->start).norm() / cable->elements, line.radius,

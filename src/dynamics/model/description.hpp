@@ -26,6 +26,7 @@
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/statics.hpp"
 #include "dynamics/joints/rolling.hpp"
+#include "dynamics/mesh/line_mesh.hpp"
 #include "dynamics/meshers/tyre.hpp"
 #include "dynamics/model/identity.hpp"
 #include "dynamics/model/section.hpp"
@@ -96,18 +97,37 @@ struct SectionOutline {
   double radius = 0;             ///< of a circle; 0: a rectangle
   double height = 0, width = 0;  ///< along y and z
 };
+/// Beams or bars of a mesh file. The builder makes chains of them, which it joins where nodes of the file are one.
+struct LineFile {
+  MeshFile file;
+  std::string element_set;             ///< empty: all lines
+  std::optional<Material> material;    ///< none: that of the file
+  bool section_given = false;          ///< by the text, for all elements; else that of the file
+  bool y_given = false;                ///< likewise the direction of the sections' y axes
+  std::shared_ptr<const Mesh> mesh{};  ///< set by the builder: line2, nodes and elements in the order of the body's
+  std::vector<LineChain> chains{};
+  std::vector<std::array<Index, 2>> joined{};  ///< nodes of chains that are one node of the file
+};
 struct CableSpec {
   Vec3 start, end;
   Index elements = 10;
   CableSection section;
   std::optional<SectionOutline> outline{};  ///< none: the section is given by its constants
+  std::optional<LineFile> file{};           ///< instead of start, end and elements
+  std::vector<CableSection> sections{};     ///< of the chains of the file
 };
 struct BeamSpec {
-  std::shared_ptr<const AxisShape> axis;  ///< never null
+  std::shared_ptr<const AxisShape> axis;  ///< null: of a file
   Vec3 y;
   Index elements = 10;
   BeamSection section;
   std::optional<SectionOutline> outline{};  ///< none: the section is given by its constants
+  struct Part {
+    BeamSection section;
+    std::optional<SectionOutline> outline;
+  };
+  std::optional<LineFile> file{};  ///< instead of axis and elements
+  std::vector<Part> sections{};    ///< of the chains of the file
 };
 /// A plate of nx x ny shells: origin + s x + t y, s and t in [0, 1]; flat, or with x bent to an arc of the same length
 /// that leaves the origin along x and turns towards the normal, x cross y.
@@ -191,6 +211,7 @@ struct MarkerSpec {
   std::string nodes;                 ///< node set: averaged position, and axes where `attach` is given
   std::vector<std::int64_t> labels;  ///< the same by the labels of the nodes
   std::vector<std::string> edge;     ///< what faces of a solid have in common; edges of a shell
+  std::vector<double> along;         ///< of a beam or cable: the node at this share of its length, or those between two
   double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`
   /// Outer faces of the mesh that lie on a cylinder: for meshes without face sets.
   struct Bore {
@@ -262,6 +283,7 @@ struct JointSpec {
   double radius = 0;                             ///< of a worm's wheel
   std::array<double, 2> teeth{};                 ///< of a gear pair
   int inner = -1;                                ///< which of its wheels, 0 or 1, has inner teeth; -1: none
+  double pressure_angle = 0;                     ///< of the teeth of a gear pair or a rack pair
   std::shared_ptr<const SpaceCurve> curve;       ///< of point-on-curve
   std::shared_ptr<const PointFunction> surface;  ///< of point-on-surface
   RollingShape rolling;                          ///< of rolling and skate
@@ -283,7 +305,8 @@ enum class ForceType {
   guide,
   torque_motor,
   force_motor,
-  cable
+  cable,
+  line_load
 };
 [[nodiscard]] const std::vector<std::string>& force_type_names();
 
@@ -309,6 +332,7 @@ struct ForceSpec {
   bool follower = false;
   // Pressure
   std::string body, face;
+  MarkerSpec where;  ///< of a load per length: the line; linear and angular are force and moment per length
   // Guide
   std::vector<GuideSegment> segments;
   Vec3 start = Vec3::Zero();
@@ -341,13 +365,13 @@ struct EquationSpec {
   bool elastic = false;
   double stiffness = 0, damping = 0;
 };
-/// Nodes of a solid that stay where they are on faces of the same solid or another one.
+/// Nodes of a solid, shell or cable that stay where they are on faces of a solid, on a shell, a beam or a cable.
 struct TieSpec {
   Place place, to_place;
   std::string name;
   MarkerSpec where;
-  std::string to_body, to_face;
-  double tolerance = 0;  ///< nodes farther away are left free; 0: a twentieth of the face's extent
+  std::string to_body, to_face;  ///< to_face: of solids alone
+  double tolerance = 0;          ///< nodes farther away are left free; 0: a twentieth of the face's extent
 };
 
 // Contact ------------------------------------------------------------------------------------------------------------
@@ -359,7 +383,8 @@ struct SurfaceFile {
 };
 /// Faces of a solid body, or sides of a shell.
 struct SolidFaces {
-  std::string set;  ///< of faces; empty: all outer faces. Of a shell: "top", "bottom", or both where empty
+  std::string set;    ///< of faces; empty: all outer faces. Of a shell: "top", "bottom", or both where empty
+  int divisions = 1;  ///< of each face in each direction, for integration against rigid shapes
 };
 /// The axis of a cable or beam with what is around it.
 struct LineSurface {

@@ -3,6 +3,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 
@@ -142,6 +143,11 @@ Jet Expression::run(const Jet& time, std::span<const Jet> given, Branches* out) 
     }
   }
   return stack.back();
+}
+
+bool Expression::is_constant() const {
+  return std::none_of(code_.begin(), code_.end(),
+                      [](const Code& c) { return c.kind == Code::Kind::time || c.kind == Code::Kind::quantity; });
 }
 
 TimeFunction Expression::function(const std::string& place) const {

@@ -50,6 +50,8 @@ class Expression {
   /// and ramp, corners of splines). @param given as for evaluate()
   void branches(double t, std::span<const Jet> given, Branches& out) const { (void)run({t, 0, 0}, given, &out); }
   [[nodiscard]] const std::string& text() const { return text_; }
+  /// Whether it names neither t nor a quantity.
+  [[nodiscard]] bool is_constant() const;
   [[nodiscard]] const std::vector<Unknown>& quantities() const { return quantities_; }
   /// Functions that may be splines; each has to be given by set_curve() before the expression is evaluated.
   [[nodiscard]] const std::vector<Unknown>& curves() const { return curve_names_; }

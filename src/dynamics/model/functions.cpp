@@ -70,6 +70,8 @@ Offer of_joint(const Joint& joint, const JointContacts* contacts) {
        {std::pair{"stop_force", contacts->stop}, std::pair{"stop_moment", contacts->angle_stop},
         std::pair{"friction_force", contacts->friction}, std::pair{"friction_moment", contacts->angle_friction}})
     if (force != nullptr) offer.scalars.emplace_back(name, strength_of(*force));
+  if (contacts->separation != nullptr)
+    offer.scalars.emplace_back("separating_force", scaled(strength_of(*contacts->separation), -1));
   if (contacts->sliding != nullptr)
     offer.scalars.emplace_back("friction_force", component_of(wrench_of(*contacts->sliding, 1, false), 3));
   return offer;
@@ -191,7 +193,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
   if (const BuiltForce* force = mechanism.force(object)) return of_force(*force);
   if (const CableForce* cable = mechanism.cable(object)) return of_cable(*cable);
   if (const FacePressure* pressure = mechanism.pressure(object))
-    return Offer{{}, {{"pressure", pressure_of(*pressure)}}};
+    return Offer{{}, {{pressure->faces().value_name(), pressure_of(*pressure)}}};
   if (mechanism.surface_contact(object) != nullptr) return Offer{};
   if (mechanism.controllers != nullptr)
     if (const Controllers::Part* part = mechanism.controllers->part(object)) {

@@ -18,8 +18,9 @@ class Mechanism;
 ///   JOINT.a, FORCE.b    the same: a frame of a joint or force, a to d
 ///   JOINT               force moment on its frame b; angle, angular_speed (turns counted; joints with one axis),
 ///                       displacement, speed (along z of a; prismatic, cylindrical, translation-motor), distance,
-///                       displacement_x, displacement_y, bend_angle with their rates, tooth_force, tension,
-///                       friction_force, friction_moment, stop_force, stop_moment (positive holds the coordinate back)
+///                       displacement_x, displacement_y, bend_angle with their rates, tooth_force, separating_force,
+///                       tension, friction_force, friction_moment, stop_force, stop_moment (positive holds the
+///                       coordinate back)
 ///   CABLE (a force)     tension (in its last part), first_tension, length, rate
 ///   SUPPORT             force moment on its body, the moment about the mean of its nodes
 ///   FORCE               force moment on frame b (a load: a); of springs and motors coordinate, rate, strength

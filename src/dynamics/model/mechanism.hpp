@@ -64,7 +64,8 @@ struct JointContacts {
   CoordinateForce* angle_stop = nullptr;
   CoordinateForce* friction = nullptr;
   CoordinateForce* angle_friction = nullptr;
-  FrameForce* sliding = nullptr;  ///< friction in all directions of a surface
+  FrameForce* sliding = nullptr;          ///< friction in all directions of a surface
+  CoordinateForce* separation = nullptr;  ///< of teeth at a pressure angle
 };
 
 /// A contact of the model: one component for the rigid shapes, and one for each pair with faces of a solid.

@@ -173,6 +173,7 @@ std::string dimension_of(const std::string& object, const std::string& what) {
                                                                  {"bend_angle", "angle"},
                                                                  {"bend_speed", "angle/time"},
                                                                  {"tooth_force", "force"},
+                                                                 {"separating_force", "force"},
                                                                  {"tension", "force"},
                                                                  {"first_tension", "force"},
                                                                  {"length", "length"},

@@ -460,8 +460,27 @@ class BodyReader {
     return static_cast<Index>(s.integer(key, 1, otherwise, static_cast<int>(kMostElements)));
   }
 
+  /// Lines of a file, in the place of an axis.
+  LineFile read_lines_of_file(Section& s, Section mesh) const {
+    for (const char* other : {"start", "end", "direction", "length", "curvature", "points", "elements"})
+      if (s.has(other)) fail(s.place(other), "does not go with 'mesh', which says where the line is");
+    LineFile out;
+    out.file = read_mesh_file(mesh, "of a beam or cable");
+    out.element_set = s.text("element_set", "");
+    out.section_given = s.has("radius") || s.has("height") || s.has("axial");
+    if (!s.has("axial")) out.material = material(s);
+    return out;
+  }
+
   CableSpec read_cable(Section& s) const {
-    CableSpec c{s.vector("start"), s.vector("end"), elements(s, "elements", 10), {}};
+    CableSpec c;
+    if (auto mesh = s.table("mesh")) {
+      c.file = read_lines_of_file(s, *mesh);
+      if (s.has("radius")) c.outline = SectionOutline{0, s.positive("radius")};
+      if (s.has("radius") || !c.file->section_given) return c;
+    } else {
+      c = {s.vector("start"), s.vector("end"), elements(s, "elements", 10), {}};
+    }
     if (s.has("radius")) {  // a round wire
       const double r = s.positive("radius"), area = std::numbers::pi * r * r;
       const Material m = needed_material(s);
@@ -493,9 +512,19 @@ class BodyReader {
   }
 
   BeamSpec read_beam(Section& s) const {
-    BeamSpec b{std::make_shared<const AxisShape>(read_axis(s)), Vec3::Zero(), elements(s, "elements", 10), {}};
-    const Vec3 along = first_direction(*b.axis);
-    b.y = s.vector("y", std::abs(along.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
+    BeamSpec b;
+    if (auto mesh = s.table("mesh")) {
+      b.file = read_lines_of_file(s, *mesh);
+      b.file->y_given = s.has("y");
+      b.y = s.vector("y", Vec3::UnitY());
+      if (s.has("radius")) b.outline = SectionOutline{0, s.positive("radius")};
+      if (s.has("height")) b.outline = SectionOutline{0, 0, s.positive("height"), s.positive("width")};
+      if (b.outline || !b.file->section_given) return b;
+    } else {
+      b = {std::make_shared<const AxisShape>(read_axis(s)), Vec3::Zero(), elements(s, "elements", 10), {}};
+      const Vec3 along = first_direction(*b.axis);
+      b.y = s.vector("y", std::abs(along.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX());
+    }
     if (s.has("radius")) {
       const Material m = needed_material(s);
       b.outline = SectionOutline{m.young, s.positive("radius")};
@@ -522,8 +551,8 @@ class BodyReader {
     return b;
   }
 
-  MeshFile read_shell_mesh(Section& mesh) const {
-    if (!mesh.has("file")) fail(mesh.place(), "of a shell is a file: mesh = { file = \"...\" }; a grid needs x and y");
+  MeshFile read_mesh_file(Section& mesh, const std::string& whose) const {
+    if (!mesh.has("file")) fail(mesh.place(), whose + " is a file: mesh = { file = \"...\" }");
     MeshFile found;
     found.path = beside_model(mesh.text("file"));
     found.scale = mesh.positive("scale", 1);
@@ -536,7 +565,7 @@ class BodyReader {
     for (const char* other : {"origin", "x", "y", "curvature", "nx", "ny"})
       if (s.has(other)) fail(s.place(other), "does not go with 'mesh', which says where the shell is");
     ShellSpec shell;
-    shell.file = read_shell_mesh(mesh);
+    shell.file = read_mesh_file(mesh, "of a shell");
     shell.element_set = s.text("element_set", "");
     const std::optional<Material> given = material(s);
     shell.material_of_file = !given;

@@ -76,7 +76,6 @@ JointFreedom joint_freedom(JointType type) {
     case JointType::parallel_axes:
       return {.turns = true, .limits = true, .moments = true};
     case JointType::cylindrical:
-      return {.turns = true, .slides = true, .limits = true, .moments = true};
     case JointType::screw:
       return {.turns = true, .slides = true, .limits = true, .moments = true};
     case JointType::prismatic:
@@ -91,6 +90,8 @@ JointFreedom joint_freedom(JointType type) {
     case JointType::point_on_surface:
       return {.surface = true, .whole_force = true};
     case JointType::worm:
+    case JointType::gear_pair:
+    case JointType::rack_pair:
       return {.slides = true};
     case JointType::constant_velocity:
       return {.limits = true};
@@ -108,8 +109,7 @@ void read_joint_contacts(Section& joint, JointSpec& out) {
   if (joint.has("friction") && !freedom.rubs())
     fail(joint.place("friction"),
          "only revolute, parallel-axes, prismatic, in-line, point-on-line, cylindrical, screw, point-on-curve, "
-         "in-plane, "
-         "point-on-surface and worm joints have friction");
+         "in-plane, point-on-surface, gear-pair, rack-pair and worm joints have friction");
   const double length = out.curve && !out.curve->closed() ? out.curve->length() : 0;
   if (auto s = joint.table("limits")) (freedom.slides ? out.stop : out.angle_stop) = read_limits(*s, length);
   if (joint.has("angle_limits") && !(freedom.turns && freedom.slides))

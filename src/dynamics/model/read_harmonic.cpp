@@ -92,8 +92,8 @@ void check_part(const HarmonicSpec::Part& part, const Description& model) {
     names.push_back(force.name);
     if (force.name != part.of) continue;
     if (force.type == ForceType::bushing || force.type == ForceType::guide || force.type == ForceType::cable)
-      fail(part.place, fmt::format("'{}' is a {}, which nothing drives; loads are forces of the types load, pressure, "
-                                   "spring (its actuator), torque-motor and force-motor, motors, and inputs",
+      fail(part.place, fmt::format("'{}' is a {}, which nothing drives; loads are forces of the types load, line-load, "
+                                   "pressure, spring (its actuator), torque-motor and force-motor, motors, and inputs",
                                    part.of, force_type_names()[static_cast<std::size_t>(force.type)]));
     if (!force.active) fail(part.place, fmt::format("the force '{}' is switched off (active = false)", part.of));
     return;

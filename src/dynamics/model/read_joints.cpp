@@ -6,31 +6,12 @@
 
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/frames/names.hpp"
+#include "dynamics/model/frames/read_marker.hpp"
 #include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/units/unit_system.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
-
-/// Axes with z along `axis`; x as near to `x` as that allows, or to the global x (y) axis.
-/// @param given  whether the text says where z points
-Mat3 read_axes(Section& s, bool& given) {
-  given = s.has("rotation") || s.has("axis");
-  if (s.has("rotation")) {
-    if (s.has("axis") || s.has("x_axis")) fail(s.place("rotation"), "give either 'rotation' or 'axis' and 'x_axis'");
-    return s.rotation("rotation");
-  }
-  const Vec3 axis = s.vector("axis", Vec3::UnitZ());
-  if (!(axis.norm() > 0)) fail(s.place("axis"), "must not be zero");
-  const Vec3 z = axis.normalized();
-  const Vec3 towards = s.vector("x_axis", std::abs(z.x()) < 0.9 ? Vec3::UnitX() : Vec3::UnitY());
-  const Vec3 x = towards - towards.dot(z) * z;
-  if (!(x.norm() > 1e-6 * towards.norm()))
-    fail(s.place("x_axis"), "must not be parallel to 'axis' (the z axis of the frame)");
-  Mat3 axes;
-  axes << x.normalized(), z.cross(x.normalized()), z;
-  return axes;
-}
 
 MarkerSpec global_marker(const Place& place, const std::string& body, const Vec3& point, const Mat3& axes) {
   MarkerSpec m;
@@ -76,11 +57,6 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
     frames.push_back(read_marker(*value, ""));
   }
   return frames;
-}
-
-Attach read_attach(Section& s) {
-  if (!s.has("attach")) return Attach::automatic;
-  return s.choice("attach", {"mean", "rigid"}) == 1 ? Attach::rigid : Attach::mean;
 }
 
 RollingShape read_rolling(Section& s) {
@@ -248,6 +224,10 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.active = s.flag("active", true);
     s.finish();
     return f;
+  } else if (f.type == ForceType::line_load) {
+    f.where.place = s.place();
+    f.body = f.where.body = s.text("body");
+    read_where(s, f.where);
   } else {
     f.frames = f.type == ForceType::cable ? read_through(s) : read_frames(s, f.type == ForceType::load ? 1 : 2);
   }
@@ -269,6 +249,12 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
       if (s.has("factor")) f.formula = {s.place("factor"), s.state_function("factor")};
       f.follower = s.flag("follower", false);
       break;
+    case ForceType::line_load:
+      f.linear = s.vector("force", Vec3::Zero());
+      f.angular = s.vector("moment", Vec3::Zero());
+      if (s.has("factor")) f.formula = {s.place("factor"), s.state_function("factor")};
+      f.follower = s.flag("follower", false);
+      break;
     case ForceType::guide:
       read_guide(s, f, units);
       break;
@@ -287,28 +273,6 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
   f.active = s.flag("active", true);
   s.finish();
   return f;
-}
-
-/// The name of a node set, or labels of nodes.
-void read_nodes(Section& s, MarkerSpec& m) {
-  const Value* nodes = s.value("nodes");
-  if (nodes == nullptr) return;
-  if (nodes->type == Value::Type::text) {
-    m.nodes = nodes->text;
-    return;
-  }
-  const auto is_text = [](const Value& item) { return item.type == Value::Type::text; };
-  if (nodes->type != Value::Type::array || nodes->items.empty() ||
-      std::any_of(nodes->items.begin(), nodes->items.end(), is_text))
-    fail(nodes->place,
-         "must be the name of one node set, \"SET\", or a list of labels of nodes, [31, 90] (of one alone: node = 31)");
-  constexpr double kLargest = 9e15;  // whole numbers are exact up to there
-  for (const Value& item : nodes->items) {
-    const double label = Section::plain_number(item);
-    if (label != std::floor(label) || label < -1 || label > kLargest)
-      fail(nodes->place, fmt::format("labels of nodes are whole numbers, not {}", label));
-    m.labels.push_back(static_cast<std::int64_t>(label));
-  }
 }
 
 }  // namespace
@@ -354,58 +318,9 @@ const std::vector<std::string>& joint_type_names() {
 
 const std::vector<std::string>& force_type_names() {
   static const std::vector<std::string> names = {
-      "spring",   "axial-spring", "rotational-spring", "bushing",     "load",
-      "pressure", "guide",        "torque-motor",      "force-motor", "cable"};
+      "spring", "axial-spring", "rotational-spring", "bushing", "load",     "pressure",
+      "guide",  "torque-motor", "force-motor",       "cable",   "line-load"};
   return names;
-}
-
-MarkerSpec read_marker(const Value& value, const std::string& name) {
-  MarkerSpec m;
-  m.place = value.place;
-  m.name = name;
-  if (value.type == Value::Type::text) {
-    m.reference = value.text;
-    return m;
-  }
-  if (!value.is_table())
-    fail(value.place,
-         fmt::format(
-             "must be a frame, {{ body = ..., point = ... }}, or the name of a marker, a body or \"ground\", not {}",
-             name_of(value.type)));
-  Section s(value);
-  if (name.empty()) m.name = s.text("name", "");  // in line
-  if (s.has("same_as")) {
-    m.reference = s.text("same_as");
-    s.finish();
-    return m;
-  }
-  m.body = s.text("body");
-  m.global = s.flag("global", false);
-  m.point_given = s.has("point");
-  m.point = s.vector("point", Vec3::Zero());
-  m.axes = read_axes(s, m.axis_given);
-  m.attach = read_attach(s);
-  read_where(s, m);
-  m.most_nodes = s.integer("most_nodes", 0, 240);
-  s.finish();
-  return m;
-}
-
-void read_where(Section& s, MarkerSpec& m) {
-  if (s.has("node")) m.node = s.integer("node", -1, 0);
-  if (s.has("near")) m.near = s.vector("near");
-  m.face = s.text("face", "");
-  read_nodes(s, m);
-  m.edge = s.texts("edge");
-  m.radius = s.positive("radius", 0);
-  if (auto b = s.table("bore")) {
-    m.bore = {b->vector("point"), b->vector("axis", Vec3::UnitZ()), b->positive("radius"), b->positive("length", 0)};
-    if (!(m.bore->axis.norm() > 0)) fail(b->place("axis"), "must not be zero");
-    m.bore->axis.normalize();
-    b->finish();
-    if (!m.point_given) m.point = m.bore->point;
-    m.point_given = true;
-  }
 }
 
 void read_joints(Section& root, Description& model) {

@@ -33,7 +33,10 @@ SurfaceSpec read_surface(const std::string& name, const Value& value, const std:
   out.body = s.text("body");
   const int kind = s.choice("shape", kShapeNames);
   if (kind == 6) {
-    out.shape = SolidFaces{s.text("set", "")};
+    SolidFaces faces;
+    faces.set = s.text("set", "");
+    faces.divisions = s.integer("divisions", 1, faces.divisions, kMostDivisions);
+    out.shape = faces;
     s.finish();
     return out;
   }

@@ -9,6 +9,7 @@
 #include "dynamics/contact/outline.hpp"
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/elements/shape_functions.hpp"
+#include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/assembly/solid_materials.hpp"
 
 namespace espalier::dynamics::model {
@@ -118,7 +119,7 @@ void Scene::add_line_or_plate(const BuiltBody& body) {
     for (const auto& [a, b] : parts->lines)
       add_cell(ElementType::line2, std::array{parts->find(a).value(), parts->find(b).value()});
   } else {
-    for (Index k = 0; k + 1 < body.flexible->nodes(); ++k) add_cell(ElementType::line2, std::array{k, k + 1});
+    for (const LineElement& e : line_elements(body)) add_cell(ElementType::line2, e.nodes);
     if (body.flexible->nodes() == 1) add_cell(ElementType::point1, std::array<Index, 1>{0});
   }
   point_count_ += body.flexible->nodes();

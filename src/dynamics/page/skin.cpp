@@ -10,6 +10,8 @@
 #include "base/at.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
 #include "dynamics/elements/line_point.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
+#include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/page/skin_faces.hpp"
 
 namespace espalier::dynamics::page {
@@ -80,8 +82,13 @@ class SolidSkin final : public Skin {
 class LineSkin final : public Skin {
  public:
   /// @param section  points of the section's outline, along y and z, anticlockwise seen against x
-  LineSkin(Index elements, int step, double length, std::vector<std::array<double, 2>> section)
-      : elements_(elements), step_(step), length_(length), section_(std::move(section)) {
+  LineSkin(const model::LineChain& chain, int step, std::vector<std::array<double, 2>> section)
+      : elements_(static_cast<Index>(chain.lengths.size())),
+        first_(chain.first),
+        step_(step),
+        lengths_(chain.lengths),
+        section_(std::move(section)) {
+    const Index elements = elements_;
     pieces_ = std::clamp<Index>(240 / elements, 1, 6);
     const Index rings = elements * pieces_ + 1, around = static_cast<Index>(section_.size());
     for (Index ring = 0; ring < rings; ++ring)
@@ -115,8 +122,8 @@ class LineSkin final : public Skin {
     for (Index e = 0; e < elements_; ++e)
       for (Index piece = e == 0 ? 0 : 1; piece <= pieces_; ++piece) {
         const double s = static_cast<double>(piece) / static_cast<double>(pieces_);
-        const Hermite h(2 * s - 1, length_);
-        const double *a = values + 3 * step_ * e, *b = a + 3 * step_;
+        const Hermite h(2 * s - 1, lengths_[at(e)]);
+        const double *a = values + 3 * step_ * (first_ + e), *b = a + 3 * step_;
         const Vec3 r =
             h.n[0] * vector_at(a) + h.n[1] * vector_at(a + 3) + h.n[2] * vector_at(b) + h.n[3] * vector_at(b + 3);
         Vec3 z;
@@ -149,11 +156,43 @@ class LineSkin final : public Skin {
     y = side.normalized();
     z = t.cross(y);
   }
-  Index elements_;
+  Index elements_, first_;
   int step_;
-  double length_;
+  std::vector<double> lengths_;
   Index pieces_;
   std::vector<std::array<double, 2>> section_;
+};
+
+/// Several chains.
+class FrameSkin final : public Skin {
+ public:
+  /// @param first  node of each chain @param mesh  with the labels of the nodes
+  FrameSkin(std::vector<std::unique_ptr<LineSkin>> chains, const std::vector<Index>& first, const Mesh& mesh)
+      : chains_(std::move(chains)) {
+    for (std::size_t c = 0; c < chains_.size(); ++c) {
+      const LineSkin& own = *chains_[c];
+      const auto before = static_cast<Index>(labels.size());
+      for (const std::int64_t label : own.labels)  // 0: between nodes
+        labels.push_back(label > 0 ? mesh.node_label(first[c] + static_cast<Index>(label) - 1) : 0);
+      for (const auto& t : own.triangles) triangles.push_back({t[0] + before, t[1] + before, t[2] + before});
+      for (const auto& e : own.edges) edges.push_back({e[0] + before, e[1] + before});
+    }
+  }
+  void place(const double* vertices, double* x) const override {
+    for (const auto& chain : chains_) {
+      chain->place(vertices, x);
+      x += 3 * chain->points();
+    }
+  }
+  void rates(const double* vertices, const double* velocities, double* v) const override {
+    for (const auto& chain : chains_) {
+      chain->rates(vertices, velocities, v);
+      v += 3 * chain->points();
+    }
+  }
+
+ private:
+  std::vector<std::unique_ptr<LineSkin>> chains_;
 };
 
 /// Both sides of a plate.
@@ -238,6 +277,15 @@ std::vector<std::array<double, 2>> outline_of(const BeamSection& s, double lengt
   return {{-height / 2, -width / 2}, {height / 2, -width / 2}, {height / 2, width / 2}, {-height / 2, width / 2}};
 }
 
+std::vector<std::array<double, 2>> outline_of(const model::BuiltBody& body, const model::LineChain& chain,
+                                              double length) {
+  if (const auto* beam = std::get_if<model::BeamSpec>(&body.spec.shape))
+    return outline_of(section_of_chain(*beam, chain).section, length);
+  const CableSection s = section_of_chain(std::get<model::CableSpec>(body.spec.shape), chain);
+  const double radius = 2 * std::sqrt(std::max(0.0, s.bending / s.axial));
+  return circle(std::max(1e-3 * length, std::isfinite(radius) ? radius : 0.0));
+}
+
 }  // namespace
 
 const std::vector<Index>& Skin::nodes() const {
@@ -248,17 +296,19 @@ const std::vector<Index>& Skin::nodes() const {
 std::unique_ptr<Skin> make_skin(const model::BuiltBody& body) {
   if (body.mesh) return std::make_unique<SolidSkin>(*body.mesh);
   if (const auto* shell = std::get_if<model::ShellSpec>(&body.spec.shape)) return std::make_unique<ShellSkin>(*shell);
-  if (const auto* cable = std::get_if<model::CableSpec>(&body.spec.shape)) {
-    const double length = (cable->end - cable->start).norm();
-    const double radius = 2 * std::sqrt(std::max(0.0, cable->section.bending / cable->section.axial));
-    return std::make_unique<LineSkin>(cable->elements, 2, length / cable->elements,
-                                      circle(std::max(1e-3 * length, std::isfinite(radius) ? radius : 0.0)));
+  const std::vector<model::LineChain> chains = model::line_chains(body);
+  if (chains.empty()) return std::make_unique<NodeSkin>(body);
+  std::vector<std::unique_ptr<LineSkin>> skins;
+  std::vector<Index> first;
+  for (const model::LineChain& chain : chains) {
+    const double length = std::accumulate(chain.lengths.begin(), chain.lengths.end(), 0.0);
+    skins.push_back(
+        std::make_unique<LineSkin>(chain, body.flexible->vertices_per_node(), outline_of(body, chain, length)));
+    first.push_back(chain.first);
   }
-  if (const auto* beam = std::get_if<model::BeamSpec>(&body.spec.shape)) {
-    const double element = make_beam_axis(*beam->axis, beam->y, beam->elements).element_length;
-    return std::make_unique<LineSkin>(beam->elements, 4, element, outline_of(beam->section, element * beam->elements));
-  }
-  return std::make_unique<NodeSkin>(body);
+  const model::LineFile* file = model::line_file(body);
+  if (file == nullptr) return std::move(skins.front());
+  return std::make_unique<FrameSkin>(std::move(skins), first, *file->mesh);
 }
 
 }  // namespace espalier::dynamics::page

@@ -156,10 +156,12 @@ struct Deck {
   std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
   std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
   DeckStep step;
-  int steps = 0;               ///< that the deck has
-  std::string hex8;            ///< formulation of 8-node hexahedra that the deck names; empty: none or several
-  bool reduced_hex20 = false;  ///< all 20-node hexahedra are integrated at 8 points
+  int steps = 0;                 ///< that the deck has
+  std::string hex8;              ///< formulation of 8-node hexahedra that the deck names; empty: none or several
+  bool reduced_hex20 = false;    ///< all 20-node hexahedra are integrated at 8 points
+  std::string other_elements{};  ///< types, in a list, whose formulation is none of these; or empty
   std::map<std::pair<DeckKind, std::string>, DeckLeft> left;  ///< by what it is called
+  std::vector<std::string> notices{};                         ///< what else is to be known of a run
 };
 
 /// Reads a deck. @param step  the one to be taken, from 1, with what those before it leave; 0: the first

@@ -6,6 +6,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "dynamics/mesh/deck/point_algebra.hpp"
+
 namespace espalier::dynamics {
 
 void fail(const DeckPlace& place, const std::string& message) {
@@ -56,6 +58,18 @@ std::int64_t CardFields::integer(std::size_t k, const char* what) const {
 
 std::int64_t CardFields::integer(std::size_t k, const char* what, std::int64_t otherwise) const {
   return has(k) ? integer(k, what) : otherwise;
+}
+
+std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Point& b, const Point& place) {
+  Point x = direction_of(a), z = direction_of(cross_product(a, b));
+  if (cylindrical) {
+    z = direction_of(difference_of(b, a));
+    x = direction_of(cross_product(cross_product(z, difference_of(place, a)), z));
+    // On the axis, where it is one of the coordinate system: as CalculiX has it.
+    for (std::size_t d = 0; d < 3 && x == Point{}; ++d)
+      if (std::abs(z[d]) == 1) x[(d + 1) % 3] = 1;
+  }
+  return {x, cross_product(z, x), z};
 }
 
 bool is_harmless_inp_keyword(const std::string& name) {

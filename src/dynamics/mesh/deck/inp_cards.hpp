@@ -2,6 +2,7 @@
 /// Keywords of an .inp deck that say more than its mesh, with their data lines.
 #pragma once
 
+#include <array>
 #include <set>
 #include <string>
 #include <string_view>
@@ -43,6 +44,9 @@ struct InpCard {
     return {DeckPlace{place.file, lines[line].first}, lines[line].second};
   }
 };
+
+/// The axes of *TRANSFORM at a place, from its points a and b; zeros where it has none.
+[[nodiscard]] std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Point& b, const Point& place);
 
 /// Whether a keyword can be left out without a change of displacements: output, heat, names.
 [[nodiscard]] bool is_harmless_inp_keyword(const std::string& name);

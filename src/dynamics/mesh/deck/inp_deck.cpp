@@ -87,22 +87,29 @@ class InpDeckReader {
   void begin_step(const InpCard& card) {
     loads_.begin_step();
     fresh_holds_.clear();
-    const bool large = card.keyword.has("NLGEOM") && upper(card.keyword.get("NLGEOM")) != "NO";
+    // NLGEOM stays for the steps that follow.
+    if (card.keyword.has("NLGEOM")) deck_.step.large = upper(card.keyword.get("NLGEOM")) != "NO";
     if (card.step != wanted_) {
-      large_before_ = large_before_ || large;
+      large_before_ = large_before_ || deck_.step.large;
       return;
     }
-    deck_.step.large = large;
     deck_.step.place = card.place;
     if (wanted_ > 1 && card.keyword.has("PERTURBATION"))
       leave(DeckKind::step, "*STEP PERTURBATION, from the stresses of the step before", card);
   }
 
   void procedure(const InpCard& card) {
-    if (card.step != wanted_) return;
-    DeckStep& step = deck_.step;
     if (card.step == 0) fail(card.place, fmt::format("{} stands outside of a *STEP", card.keyword.name));
+    if (card.step != wanted_) {
+      moved_before_ = moved_before_ || card.keyword.name != "*FREQUENCY";
+      return;
+    }
+    DeckStep& step = deck_.step;
     step.place = card.place;
+    if (target_.leaves_parameter(card, DeckKind::step,
+                                 {"SOLVER", "EIGENSOLVER", "SIM", "ACOUSTICCOUPLING", "STORAGE", "NORMALIZATION",
+                                  "DIRECT", "ALPHA", "TIMERESET", "TOTALTIMEATSTART", "EXPLICIT", "NOHAF", "HAFTOL"}))
+      return;
     const CardFields f = card.lines.empty() ? CardFields(card.place, "") : card.fields(0);
     if (card.keyword.name == "*FREQUENCY") {
       step.kind = DeckStep::Kind::modes;
@@ -111,11 +118,20 @@ class InpDeckReader {
       if (count < 1 || count > kMost)
         fail(f.place(), fmt::format("*FREQUENCY needs a number of modes from 1 to {}, not {}", kMost, count));
       step.modes = static_cast<int>(count);
-      if (f.real(1, "lowest frequency", 0) > 0) leave(DeckKind::step, "*FREQUENCY above a lowest one", card);
+      for (const std::size_t bound : {1U, 2U})
+        if (f.real(bound, "frequency", 0) > 0)
+          deck_.notices.push_back(fmt::format("{}:{}: the lowest {} modes are given, also those {} {}", f.place().file,
+                                              f.place().line, count, bound == 1 ? "below" : "above", f.text(bound)));
       if (large_before_) leave(DeckKind::step, "*FREQUENCY under the stresses of a step with NLGEOM", card);
       return;
     }
     step.kind = card.keyword.name == "*STATIC" ? DeckStep::Kind::statics : DeckStep::Kind::motion;
+    if (step.kind == DeckStep::Kind::motion && !step.large)
+      deck_.notices.push_back(fmt::format(
+          "{}:{}: the step has no NLGEOM, which would leave out what large displacements do; here they count",
+          card.place.file, card.place.line));
+    if (step.kind == DeckStep::Kind::motion && moved_before_)
+      leave(DeckKind::step, "*DYNAMIC from where the steps before it have led", card);
     step.increment = f.real(0, "first increment", 1);
     step.period = f.real(1, "time of the step", 1);
     step.fixed = card.keyword.has("DIRECT");
@@ -180,27 +196,27 @@ class InpDeckReader {
     if (!type.empty() && type != "R" && type != "C")
       return leave(DeckKind::others, fmt::format("*TRANSFORM TYPE={}", type), card);
     for (const Index node : target_.nodes(card, CardFields(card.place, set), 0)) {
-      Point x = direction_of(a), z = direction_of(cross_product(a, b));
-      if (type == "C") {
-        z = direction_of(difference_of(b, a));
-        const Point arm = difference_of(lookup_.mesh().nodes[static_cast<std::size_t>(node)], a);
-        x = direction_of(cross_product(cross_product(z, arm), z));
-      }
-      if (x == Point{} || z == Point{})
+      const auto axes = transform_axes(type == "C", a, b, lookup_.mesh().nodes[static_cast<std::size_t>(node)]);
+      if (axes[0] == Point{} || axes[2] == Point{})
         fail(f.place(), fmt::format("*TRANSFORM has no axes at node {}", node_name(lookup_.mesh(), node)));
-      deck_.axes[node] = {x, cross_product(z, x), z};
+      deck_.axes[node] = axes;
     }
   }
 
   /// One formulation for all, where the deck's types name one.
   void note_formulations() {
-    std::set<std::string> hex8, hex20;
+    std::set<std::string> hex8;
+    std::set<bool> reduced;
     for (const std::string& type : model_.solid_types) {
       if (type.starts_with("C3D8")) hex8.insert(type == "C3D8" ? "full" : type == "C3D8I" ? "enhanced" : "");
-      if (type.starts_with("C3D20")) hex20.insert(type);
+      if (type.starts_with("C3D20")) reduced.insert(type.starts_with("C3D20R"));
     }
     if (hex8.size() == 1) deck_.hex8 = *hex8.begin();
-    deck_.reduced_hex20 = hex20.size() == 1 && hex20.begin()->starts_with("C3D20R");
+    deck_.reduced_hex20 = reduced.size() == 1 && *reduced.begin();
+    for (const std::string& type : model_.solid_types)
+      if ((type.starts_with("C3D8") && deck_.hex8.empty()) || (type.starts_with("C3D20") && reduced.size() > 1) ||
+          type.starts_with("C3D10M"))
+        deck_.other_elements += fmt::format("{}{}", deck_.other_elements.empty() ? "" : ", ", type);
   }
 
   const InpModel& model_;
@@ -210,7 +226,7 @@ class InpDeckReader {
   const InpLookup& lookup_;
   Deck& deck_;
   int wanted_ = 0;
-  bool large_before_ = false;  // a step before the wanted one has large displacements
+  bool large_before_ = false, moved_before_ = false;  // a step before the wanted one has large displacements; moves
   std::set<std::pair<Index, int>> fresh_holds_;
   std::map<std::pair<Index, int>, DeckHold> holds_;
 };

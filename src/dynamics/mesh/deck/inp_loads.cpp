@@ -20,13 +20,14 @@ int force_axis(const std::string& label) {
 
 void InpAmplitudes::read(const InpCard& card) {
   const std::string name = upper(card.keyword.need(LineReader(card.place.file, ""), "NAME"));
-  const std::string kind = upper(card.keyword.get("DEFINITION"));
-  if (!kind.empty() && kind != "TABULAR") {
-    refused_.emplace(name, fmt::format("*AMPLITUDE DEFINITION={}", kind));
-    return;
+  for (const auto& [key, given] : card.keyword.parameters) {
+    std::string value = upper(given);
+    std::erase(value, ' ');
+    const bool known = key == "NAME" || (key == "DEFINITION" && value == "TABULAR") ||
+                       (key == "TIME" && value == "STEPTIME") || (key == "VALUE" && value == "RELATIVE");
+    if (!known) refused_.emplace(name, fmt::format("*AMPLITUDE {}{}{}", key, value.empty() ? "" : "=", value));
   }
-  const std::string time = upper(card.keyword.get("TIME"));
-  if (time == "TOTALTIME") refused_.emplace(name, "*AMPLITUDE TIME=TOTAL TIME");
+  if (refused_.contains(name)) return;
   std::vector<std::pair<double, double>> points;
   for (std::size_t l = 0; l < card.lines.size(); ++l) {
     const CardFields f = card.fields(l);
@@ -56,7 +57,9 @@ int InpAmplitudes::of(const InpCard& card, DeckKind kind) const {
 }
 
 bool InpLoads::begins_anew(const InpCard& card) {
-  return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" && news_.insert(card.keyword.name).second;
+  const std::string& name = card.keyword.name;
+  return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" &&
+         news_.insert(name == "*DSLOAD" ? "*DLOAD" : name).second;
 }
 
 void InpLoads::finish() {
@@ -170,10 +173,15 @@ void InpLoads::body_load(const InpCard& card, const CardFields& f, const std::st
     load.spin[d] = std::sqrt(value) * direction[d];
     load.point[d] = f.real(3 + d, "point of the axis", 0);
   }
-  // A step replaces what the ones before say of the same elements.
+  // A step replaces what the ones before say of the same elements; in CalculiX gravity in another direction is added.
   std::erase_if(body_loads_, [&](const DeckBodyLoad& old) {
     const bool same = old.set == load.set || (!load.elements.empty() && old.elements == load.elements);
-    return old.step != card.step && old.label == load.label && same;
+    if (old.step == card.step || old.label != load.label || !same) return false;
+    constexpr double kNear = 1e-10;
+    if (label == "GRAV" && std::abs(dot_product(direction_of(old.acceleration), direction)) < 1 - kNear)
+      target_.leave(DeckKind::gravity, "*DLOAD GRAV in another direction than in the step before, without OP=NEW",
+                    card.place);
+    return true;
   });
   body_loads_.push_back(std::move(load));
 }

@@ -32,7 +32,8 @@ class InpPartReader {
       if (!single.stated && single.type != "CONN3D2") leave_element(single);
     for (const std::string& type : model_.solid_types)
       if (type.starts_with("S") ? !type.starts_with("SFM") && !type.starts_with("SC")
-                                : type.starts_with("B") || type.starts_with("T3D") || type.starts_with("M3D"))
+                                : type.starts_with("B") || type.starts_with("T3D") || type.starts_with("M3D") ||
+                                      type.starts_with("CP") || type.starts_with("CAX"))
         target_.leave(DeckKind::others, fmt::format("elements {}", type), {model_.path, 0});
     turn_rotation_nodes();
   }
@@ -130,6 +131,7 @@ class InpPartReader {
   }
 
   void mass(const InpCard& card) {
+    if (target_.leaves_parameter(card, DeckKind::masses, {"ELSET"})) return;
     if (card.lines.empty()) fail(card.place, "*MASS has no value");
     const CardFields f = card.fields(0);
     const double value = f.real(0, "mass");
@@ -198,7 +200,9 @@ class InpPartReader {
 
   void coupling(const InpCard& card) {
     const bool old = card.keyword.name == "*KINEMATICCOUPLING";
-    if (target_.leaves_parameter(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"})) return;
+    open_.reset();
+    left_open_ = target_.leaves_parameter(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"});
+    if (left_open_) return;
     DeckCoupling out{card.place, reference(card), {}, true};
     if (!old) {
       const std::string surface = card.keyword.need(LineReader(card.place.file, ""), "SURFACE");
@@ -219,6 +223,7 @@ class InpPartReader {
 
   /// The kind of the *COUPLING before it.
   void constraint(const InpCard& card) {
+    if (left_open_) return;
     if (!open_) fail(card.place, fmt::format("{} stands without a *COUPLING before it", card.keyword.name));
     open_->rigid = card.keyword.name == "*KINEMATIC";
     std::array<bool, 6> held{};
@@ -275,6 +280,7 @@ class InpPartReader {
   Deck& deck_;
   std::vector<Single> singles_;
   std::optional<DeckCoupling> open_;
+  bool left_open_ = false;  // the last *COUPLING is left
   std::map<Index, Index> rotation_nodes_;
 };
 

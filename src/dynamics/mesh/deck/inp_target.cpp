@@ -68,7 +68,9 @@ std::vector<MeshFace> InpTarget::faces(const InpCard& card, const CardFields& f,
 std::vector<Index> InpTarget::surface_nodes(const InpCard& card, const CardFields& f, std::size_t k,
                                             std::vector<MeshFace>* faces) const {
   std::vector<Index> all;
-  in_homes(card, f, k, [&](const InpMember& member, const std::string& home) {
+  in_homes(card, f, k, [&](const InpMember& named, const std::string& home) {
+    InpMember member = named;
+    member.of_surface = true;
     std::vector<MeshFace> found;
     const std::vector<Index> nodes = !member.name.empty() && lookup_.faces(member, home, found)
                                          ? lookup_.mesh().nodes_of_faces(found)

@@ -44,10 +44,12 @@ NastranControl read_nastran_control(std::string_view content, const std::string&
     if (word == "SOL") {
       control.solution = std::string(trim(rest.substr(0, rest.find(','))));
       control.place = place;
-    } else if (word == "SUBCASE" || word == "SUBCOM") {
+    } else if (word == "SUBCASE" || word == "SUBCOM" || word == "SYM" || word == "SYMCOM" || word == "REPCASE") {
       cases.push_back(all);
       cases.back().place = place;
-      if (word == "SUBCOM") cases.back().left.push_back(word);
+      if (word != "SUBCASE") cases.back().left.push_back(word);
+    } else if (word == "INCLUDE") {
+      now.left.emplace_back("INCLUDE before BEGIN BULK (put its lines here)");
     } else if (equal != std::string::npos) {
       if (word == "LOAD") now.load = set_number(place, word, rest);
       if (word == "SPC") now.spc = set_number(place, word, rest);

@@ -16,9 +16,9 @@ namespace {
 /// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
 bool is_harmless_card(const std::string& name) {
   static constexpr std::string_view kHarmless[] = {
-      "PSHELL", "PCOMP", "PBAR",    "PBARL",   "PBEAM",   "PROD",   "PELAS",  "PDAMP",  "PBUSH",
-      "EIGRL",  "EIGR",  "SET1",    "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "EPOINT", "ASET",
-      "ASET1",  "USET",  "MONPNT1", "AECOMP",  "AELIST",  "AEFACT", "AESTAT", "SPOINT"};
+      "PSHELL",  "PCOMP",  "PBAR",    "PBARL",   "PBEAM",  "PROD",   "PELAS",  "PDAMP", "PBUSH", "EIGRL",
+      "EIGR",    "SET1",   "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "EPOINT", "ASET",  "ASET1", "USET",
+      "MONPNT1", "AECOMP", "AELIST",  "AEFACT",  "AESTAT", "SPOINT", "MAT4",   "MAT5",  "PLOTEL"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
 }
 
@@ -33,6 +33,12 @@ std::vector<int> directions_of(const NastranCard& card, std::size_t k) {
     out.push_back(c - '1');
   }
   return out;
+}
+
+/// x, y and z.
+bool has_displacements(const std::vector<int>& directions) {
+  const auto has = [&](int d) { return std::find(directions.begin(), directions.end(), d) != directions.end(); };
+  return has(0) && has(1) && has(2);
 }
 
 class NastranDeckReader {
@@ -117,8 +123,10 @@ class NastranDeckReader {
       step.modes = static_cast<int>(
           std::clamp<std::int64_t>(card.integer(card.name == "EIGRL" ? 3 : 5, "number of modes", 0), 0, 100000));
       if (step.modes < 1) card.fail("states no number of modes (ND)");
-      if (card.real(card.name == "EIGRL" ? 1 : 2, "lowest frequency", 0) > 0)
-        leave(DeckKind::step, fmt::format("{} above a lowest frequency", card.name), place_of(card));
+      for (const std::size_t bound : {1U, 2U})
+        if (const std::size_t k = bound + (card.name == "EIGRL" ? 0 : 1); card.real(k, "frequency", 0) > 0)
+          deck_.notices.push_back(fmt::format("{}:{}: the lowest {} modes are given, also those {} {}", card.path,
+                                              card.line, step.modes, bound == 1 ? "below" : "above", card.field(k)));
     } else {
       leave(DeckKind::step, fmt::format("SOL {}", s), control_.place);
     }
@@ -148,14 +156,7 @@ class NastranDeckReader {
                                                       "LOAD", "PLOAD4", "GRAV",   "RFORCE", "GRDSET", "GRID"};
     if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
       return;
-    // Loads that no subcase takes do nothing.
-    static constexpr std::string_view kLoads[] = {"PLOAD",   "PLOAD1",  "PLOAD2", "TEMP",   "TEMPD", "FORCE1", "FORCE2",
-                                                  "MOMENT1", "MOMENT2", "ACCEL",  "ACCEL1", "SPCD",  "DEFORM"};
-    if (std::find(std::begin(kLoads), std::end(kLoads), n) != std::end(kLoads)) {
-      if (!case_.load || card.integer(0, "set") != *case_.load) return;
-      return leave(DeckKind::dload, n, place_of(card));
-    }
-    leave(DeckKind::others, n, place_of(card));
+    if (!is_load_not_read(n)) leave(DeckKind::others, n, place_of(card));
   }
 
   [[nodiscard]] bool is_of_solids(const NastranCard& material) const {
@@ -280,6 +281,8 @@ class NastranDeckReader {
       return leave(DeckKind::springs, "CBUSH in a coordinate system", place_of(card));
     const NastranCard& property = *found->second;
     const Index a = grid(card, 2), b = card.field(3).empty() || card.field(3) == "0" ? -1 : grid(card, 3);
+    if (card.field(7).empty() && deck_.axes.contains(a))
+      return leave(DeckKind::springs, "CBUSH without a coordinate system, at axes of a grid point", place_of(card));
     if (b >= 0) {
       const Point &p = deck_.mesh.nodes[static_cast<std::size_t>(a)],
                   &q = deck_.mesh.nodes[static_cast<std::size_t>(b)];
@@ -322,8 +325,7 @@ class NastranDeckReader {
   void rigid(const NastranCard& card) {
     DeckCoupling out{place_of(card), grid(card, 1), {}, true};
     const std::vector<int> directions = directions_of(card, 2);
-    if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
-      return leave(DeckKind::couplings, "RBE2 of some directions", place_of(card));
+    if (!has_displacements(directions)) return leave(DeckKind::couplings, "RBE2 of some directions", place_of(card));
     NastranCard points = card;  // without the factor of thermal expansion behind the last point
     while (!points.fields.empty() &&
            (points.fields.back().empty() || points.fields.back().find('.') != std::string::npos))
@@ -334,6 +336,8 @@ class NastranDeckReader {
 
   void mean(const NastranCard& card) {
     DeckCoupling out{place_of(card), grid(card, 2), {}, false};
+    if (!has_displacements(directions_of(card, 3)))
+      return leave(DeckKind::couplings, "RBE3 whose reference follows in some directions", place_of(card));
     std::optional<double> weight;
     for (std::size_t k = 4; k < card.fields.size(); ++k) {
       const std::string& field = card.field(k);
@@ -348,8 +352,7 @@ class NastranDeckReader {
       if (weight && here != *weight) return leave(DeckKind::couplings, "RBE3 with different weights", place_of(card));
       weight = here;
       const std::vector<int> directions = directions_of(card, ++k);
-      if (directions.size() < 3 || directions[0] != 0 || directions[1] != 1 || directions[2] != 2)
-        return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
+      if (!has_displacements(directions)) return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
     }
     add_coupling(card, std::move(out));
   }

@@ -21,6 +21,8 @@ void read_nastran_loads(const std::vector<NastranCard>& cards, std::int64_t set,
 
 // What the pieces of the reader share.
 [[nodiscard]] inline DeckPlace place_of(const NastranCard& card) { return {card.path, card.line}; }
+/// Cards of loads that are refused where they act: PLOAD2, TEMP, SPCD ...
+[[nodiscard]] bool is_load_not_read(const std::string& name);
 /// The node of field `k`. @throws Error where the grid point is not defined
 [[nodiscard]] Index grid_point(const NastranSystems& systems, const NastranCard& card, std::size_t k);
 /// What nobody takes.

@@ -1,9 +1,11 @@
 // Forces, moments, pressures and gravity of a Nastran deck.
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <map>
 #include <numbers>
+#include <set>
 #include <unordered_map>
 
 #include "dynamics/mesh/deck/nastran_deck.hpp"
@@ -15,7 +17,7 @@ namespace {
 class NastranLoads {
  public:
   NastranLoads(const std::vector<NastranCard>& cards, const DeckPlace& place, NastranSystems& systems, Deck& deck)
-      : place_(place), systems_(systems), deck_(deck) {
+      : cards_(cards), place_(place), systems_(systems), deck_(deck) {
     for (const NastranCard& card : cards)
       for (const char* kind : {"LOAD", "FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE"})
         if (card.name == kind) load_cards_[card.integer(0, "set")].push_back(&card);
@@ -24,14 +26,18 @@ class NastranLoads {
 
   void run(std::int64_t set) {
     add(set, 1, 0);
+    for (const NastranCard& card : cards_)
+      if (is_load_not_read(card.name) && sets_.contains(card.integer(0, "set")))
+        leave(DeckKind::dload, card.name, place_of(card));
     for (const auto& [key, force] : forces_) deck_.forces.push_back(force);
   }
 
  private:
   void add(std::int64_t set, double factor, int depth) {
+    sets_.insert(set);
     const auto found = load_cards_.find(set);
     if (found == load_cards_.end()) {
-      if (depth == 0) leave(DeckKind::cload, fmt::format("LOAD = {}, which no card states that is read,", set), place_);
+      leave(DeckKind::cload, fmt::format("LOAD = {}, which no card states that is read,", set), place_);
       return;
     }
     for (const NastranCard* card : found->second) {
@@ -143,7 +149,9 @@ class NastranLoads {
   [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const { return grid_point(systems_, card, k); }
   void leave(DeckKind kind, const std::string& what, const DeckPlace& place) { leave_card(deck_, kind, what, place); }
 
+  const std::vector<NastranCard>& cards_;
   DeckPlace place_;
+  std::set<std::int64_t> sets_;  // that act
   NastranSystems& systems_;
   Deck& deck_;
   std::map<std::int64_t, std::vector<const NastranCard*>> load_cards_;
@@ -152,6 +160,12 @@ class NastranLoads {
 };
 
 }  // namespace
+
+bool is_load_not_read(const std::string& name) {
+  static constexpr std::string_view kLoads[] = {"PLOAD",   "PLOAD1",  "PLOAD2", "TEMP",   "TEMPD", "FORCE1", "FORCE2",
+                                                "MOMENT1", "MOMENT2", "ACCEL",  "ACCEL1", "SPCD",  "DEFORM"};
+  return std::find(std::begin(kLoads), std::end(kLoads), name) != std::end(kLoads);
+}
 
 Index grid_point(const NastranSystems& systems, const NastranCard& card, std::size_t k) {
   const std::int64_t label = card.integer(k, "grid point");

@@ -16,8 +16,9 @@ constexpr MeshFormat kFormats[] = {
      "beams, trusses",
      "node sets, element sets, surfaces by name, in any case; of several instances `PART-1-1.SET`, and all of one as "
      "`PART-1-1.*`",
-     "*MATERIAL with *ELASTIC and *DENSITY, *SOLID SECTION; *PART, *INSTANCE, *INCLUDE; *NGEN, *NFILL, *NCOPY, *ELGEN, "
-     "*ELCOPY; *SYSTEM, *NODE in cylindrical and spherical coordinates",
+     "*MATERIAL with *ELASTIC and *DENSITY, *SOLID SECTION; *PART, *INSTANCE; *INCLUDE of keywords and of data lines, "
+     "INPUT=; *NSET, ELSET=; surfaces without face labels; *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY; *SYSTEM, *NODE in "
+     "cylindrical and spherical coordinates",
      "masses, springs, dashpots, connectors, rigid faces, couplings and other elements; supports, loads, steps: "
      "counted "
      "in notices, or taken over by `take`. *NMAP is refused",
@@ -30,7 +31,7 @@ constexpr MeshFormat kFormats[] = {
      "and pyramid14 are refused"},
     {".bdf .nas .dat", "Nastran", read_nastran,
      "CTETRA, CHEXA, CPENTA of order 1 and 2, CPYRAM of order 1, also left-handed; CTRIA3, CTRIA6, CTRIAR, CQUAD4, "
-     "CQUAD8, CQUADR",
+     "CQUAD8, CQUADR; CBAR, CBEAM, CROD",
      "`property-N`; grid points held or loaded: `SPC-N`, `FORCE-N`",
      "PSOLID and MAT1; CORD1R, CORD1C, CORD1S, CORD2R, CORD2C, CORD2S, GRDSET; INCLUDE; fields of 8, of 16 columns and "
      "between commas, continuation lines anywhere, cards repeated by `=`",

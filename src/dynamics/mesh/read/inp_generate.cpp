@@ -89,8 +89,10 @@ InpMember inp_labels(std::int64_t first, std::int64_t last, std::int64_t line) {
   return e;
 }
 
-bool InpGenerator::generate(LineReader& reader, const InpKeyword& k, const InpSystem& system, InpScope& scope) {
+bool InpGenerator::generate(LineReader& reader, const InpKeyword& k, const InpSystem& system, InpScope& scope,
+                            std::int64_t lines_before) {
   scope_ = &scope;
+  lines_before_ = lines_before;
   if (k.name == "*NGEN") return lines_of_nodes(reader, k, system), true;
   if (k.name == "*NFILL") return fills(reader, k), true;
   if (k.name == "*NCOPY") return copies_of_nodes(reader, k), true;
@@ -120,7 +122,7 @@ Point InpGenerator::node(const LineReader& reader, std::int64_t label) {
 void InpGenerator::add_node(const LineReader& reader, std::int64_t label, const Point& at, InpSet* set) {
   count(reader);
   scope_->nodes.push_back({label, at});
-  if (set != nullptr) set->entries.push_back(inp_labels(label, label, reader.line()));
+  if (set != nullptr) set->entries.push_back(inp_labels(label, label, here(reader)));
 }
 
 std::vector<std::int64_t> InpGenerator::members(const LineReader& reader, const InpSets& sets,
@@ -176,7 +178,7 @@ void InpGenerator::lines_of_nodes(LineReader& reader, const InpKeyword& k, const
     const Arc arc = shape == "C" ? make_arc(reader, third, a, b, {more[3], more[4], more[5]}) : Arc{};
     const std::int64_t intervals = (last - first) / by;
     if (set != nullptr)
-      for (const std::int64_t end : {first, last}) set->entries.push_back(inp_labels(end, end, reader.line()));
+      for (const std::int64_t end : {first, last}) set->entries.push_back(inp_labels(end, end, here(reader)));
     for (std::int64_t i = 1; i < intervals; ++i) {
       const double t = static_cast<double>(i) / static_cast<double>(intervals);
       const Point p = shape.empty() ? between(a, b, t) : shape == "P" ? on_parabola(a, third, b, t) : on_arc(arc, a, t);
@@ -207,7 +209,7 @@ void InpGenerator::fills(LineReader& reader, const InpKeyword& k) {
     for (std::size_t m = 0; m < std::min(a.size(), b.size()); ++m) {
       const Point from = node(reader, a[m]), to = node(reader, b[m]);
       if (set != nullptr)
-        for (const std::int64_t end : {a[m], b[m]}) set->entries.push_back(inp_labels(end, end, reader.line()));
+        for (const std::int64_t end : {a[m], b[m]}) set->entries.push_back(inp_labels(end, end, here(reader)));
       // Intervals of lengths 1, 1 / bias, 1 / bias^2, ...
       const double q = 1 / bias;
       const double all = q == 1 ? static_cast<double>(intervals) : (std::pow(q, intervals) - 1) / (q - 1);
@@ -282,7 +284,7 @@ void InpGenerator::copy_element(const LineReader& reader, std::int64_t from, std
   for (; elements_seen_ < scope_->elements.size(); ++elements_seen_)
     elements_[scope_->elements[elements_seen_].label] = elements_seen_;
   count(reader);
-  if (set != nullptr) set->entries.push_back(inp_labels(label, label, reader.line()));
+  if (set != nullptr) set->entries.push_back(inp_labels(label, label, here(reader)));
   if (scope_->passed_over.contains(from)) {
     scope_->passed_over.insert(label);
     return;
@@ -291,7 +293,7 @@ void InpGenerator::copy_element(const LineReader& reader, std::int64_t from, std
   if (found == elements_.end()) reader.fail(fmt::format("element {} is not defined above", from));
   InpElement e = scope_->elements[found->second];
   e.label = label;
-  e.line = reader.line();
+  e.line = here(reader);
   for (int a = 0; a < shape_of(e.type).nodes; ++a) {
     std::int64_t& n = e.nodes[static_cast<std::size_t>(a)];
     n = plus(n, by);
@@ -312,7 +314,7 @@ void InpGenerator::rows_of_elements(LineReader& reader, const InpKeyword& k) {
       labels[d] = small(reader, read_inp_integer(fields, "increment of elements", 1));
       need_positive(reader, number[d], "the number of elements");
     }
-    if (set != nullptr) set->entries.push_back(inp_labels(master, master, reader.line()));
+    if (set != nullptr) set->entries.push_back(inp_labels(master, master, here(reader)));
     for (std::int64_t layer = 0; layer < number[2]; ++layer)
       for (std::int64_t row = 0; row < number[1]; ++row)
         for (std::int64_t i = 0; i < number[0]; ++i)

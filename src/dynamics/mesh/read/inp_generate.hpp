@@ -19,7 +19,9 @@ class InpGenerator {
  public:
   /// Reads the data lines of `k` and adds to `scope` what they make. @return false where `k` is no such keyword
   /// @throws Error where nodes or elements are not defined, or where more than 5 million are made
-  bool generate(LineReader& reader, const InpKeyword& k, const InpSystem& system, InpScope& scope);
+  /// @param lines_before  added to the lines that the scope's entries name
+  bool generate(LineReader& reader, const InpKeyword& k, const InpSystem& system, InpScope& scope,
+                std::int64_t lines_before);
   /// To be called where another scope begins.
   void forget();
 
@@ -38,8 +40,10 @@ class InpGenerator {
   void collect(const LineReader& reader, const InpSets& sets, const std::string& name, int depth,
                std::vector<std::int64_t>& out) const;
   void count(const LineReader& reader);
+  [[nodiscard]] std::int64_t here(const LineReader& reader) const { return lines_before_ + reader.line(); }
 
   InpScope* scope_ = nullptr;
+  std::int64_t lines_before_ = 0;
   std::unordered_map<std::int64_t, std::size_t> nodes_, elements_;  // label -> place in the scope, as far as seen
   std::size_t nodes_seen_ = 0, elements_seen_ = 0, made_ = 0;
 };

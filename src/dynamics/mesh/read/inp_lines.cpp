@@ -22,7 +22,10 @@ std::string InpKeyword::need(const LineReader& reader, const char* key) const {
   return get(key);
 }
 
-bool is_inp_comment(std::string_view line) { return trim(line).empty() || line.starts_with("**"); }
+bool is_inp_comment(std::string_view line) {
+  line = trim(line);
+  return line.empty() || line.starts_with("**");
+}
 
 std::string inp_unquoted(std::string_view text) {
   text = trim(text);
@@ -33,7 +36,8 @@ std::string inp_unquoted(std::string_view text) {
 InpKeyword read_inp_keyword(LineReader& reader, std::string_view first) {
   std::string text(trim(first));
   std::string_view more;
-  while (!text.empty() && text.back() == ',' && reader.next(more)) text += trim(more);
+  while (!text.empty() && text.back() == ',' && reader.next(more))
+    if (!is_inp_comment(more)) text += trim(more);
   InpKeyword k;
   Fields fields(reader, text, ',');
   std::string_view field;
@@ -52,6 +56,7 @@ InpKeyword read_inp_keyword(LineReader& reader, std::string_view first) {
 bool next_inp_data(LineReader& reader, std::string_view& line) {
   while (reader.next(line)) {
     if (is_inp_comment(line)) continue;
+    line = trim(line);
     if (line.front() != '*') return true;
     reader.back();
     return false;

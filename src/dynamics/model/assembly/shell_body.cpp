@@ -249,6 +249,36 @@ const std::vector<Index>& shell_nodes(const BuiltBody& body, const std::string& 
                                           suggestion(name, names)));
 }
 
+PressedSide pressed_side(const ShellSpec& shell, const std::string& face) {
+  const std::size_t blank = face.find_last_of(' ');
+  const std::string side = blank == std::string::npos ? face : face.substr(blank + 1);
+  if (side != "top" && side != "bottom")
+    throw std::invalid_argument(
+        "the faces of a shell are 'top', where its normal (x cross y) points to, and 'bottom', or those of a set: "
+        "\"SET top\"");
+  PressedSide out{shell_quads(shell), (side == "top" ? 0.5 : -0.5) * shell.thickness};
+  if (blank == std::string::npos) return out;
+  const std::string set = face.substr(0, face.find_last_not_of(' ', blank) + 1);
+  std::vector<std::array<Index, 4>> chosen;
+  if (const auto elements = find_named(shell.mesh->element_sets, set); elements != shell.mesh->element_sets.end()) {
+    for (const Index e : elements->second) chosen.push_back(out.quads[static_cast<std::size_t>(e)]);
+  } else if (const auto nodes = find_named(shell.mesh->node_sets, set); nodes != shell.mesh->node_sets.end()) {
+    for (const auto& quad : out.quads)
+      if (std::all_of(quad.begin(), quad.end(),
+                      [&](Index k) { return std::binary_search(nodes->second.begin(), nodes->second.end(), k); }))
+        chosen.push_back(quad);
+  } else {
+    std::vector<std::string> names;
+    for (const auto& [known, list] : shell.mesh->element_sets) names.push_back(known);
+    for (const auto& [known, list] : shell.mesh->node_sets) names.push_back(known);
+    throw std::invalid_argument(fmt::format("the shell has no '{}'{}", set, suggestion(set, names)));
+  }
+  if (chosen.empty())
+    throw std::invalid_argument(fmt::format("no element of the shell has all its nodes in '{}'", set));
+  out.quads = std::move(chosen);
+  return out;
+}
+
 HeldPoint shell_node(const BuiltBody& body, Index node) {
   const auto& shell = std::get<ShellSpec>(body.spec.shape);
   const double* x = body.flexible->reference().data() + 6 * static_cast<std::size_t>(node);

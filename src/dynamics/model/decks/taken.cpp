@@ -94,6 +94,8 @@ void Taker::notices() {
   count(DeckKind::ties, deck_.ties.size(), "ties");
   count(DeckKind::connectors, deck_.connectors.size(), "connectors");
   if (!list.empty()) out_.notices.push_back(fmt::format("{}: not taken: {}", deck_.mesh.name, list));
+  if (choice_.takes(DeckKind::step))
+    out_.notices.insert(out_.notices.end(), deck_.notices.begin(), deck_.notices.end());
   if (turned_ > 0)
     out_.notices.push_back(fmt::format(
         "{}: {} rotations of nodes of solids are held in the deck; such nodes do not turn", deck_.mesh.name, turned_));
@@ -129,6 +131,11 @@ void Taker::formulations() {
   if (!choice_.all) return;
   if (!deck_.hex8.empty()) out_.body_keys.emplace_back("hex8", maker_.text(deck_.hex8));
   if (deck_.reduced_hex20) out_.body_keys.emplace_back("reduced_hex20", maker_.flag(true));
+  if (!deck_.other_elements.empty())
+    out_.notices.push_back(fmt::format(
+        "{}: elements of types {} are not those of the deck's program: they are computed with hex8 = \"{}\" and "
+        "reduced_hex20 = {}, where the body states no others; displacements differ as far as the mesh is coarse",
+        deck_.mesh.name, deck_.other_elements, deck_.hex8.empty() ? "enhanced" : deck_.hex8, deck_.reduced_hex20));
 }
 
 DeckChoice read_choice(const Value& take) {

@@ -1,4 +1,4 @@
-// Linear equations between nodes of solids, and ties, which are such.
+// Linear equations between nodes of solids.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -6,7 +6,6 @@
 
 #include "dynamics/joints/node_equations.hpp"
 #include "dynamics/model/builders.hpp"
-#include "dynamics/model/equations/face_search.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -19,7 +18,7 @@ const BuiltBody& solid_of(const std::string& name, const Place& place, const Fra
   if (body->reduced != nullptr)
     fail(place, fmt::format("'{}' is reduced, and has no single nodes: take no 'reduce'", name));
   if (body->flexible == nullptr || !body->mesh)
-    fail(place, fmt::format("'{}' is no solid; equations and ties are between nodes of solids", name));
+    fail(place, fmt::format("'{}' is no solid; equations are between nodes of solids", name));
   return *body;
 }
 
@@ -67,41 +66,6 @@ void build_equation(const EquationSpec& spec, const FrameBuilder& frames, Mechan
     out.system.add(std::make_unique<NodeSpring>(spec.name, std::move(e), spec.stiffness, spec.damping));
   else
     out.system.add(std::make_unique<NodeEquations>(spec.name, std::vector<NodeEquation>{std::move(e)}));
-}
-
-void build_tie(const TieSpec& spec, const FrameBuilder& frames, Mechanism& out) {
-  constexpr double kNear = 0.05;  // of the face's extent
-  const BuiltBody& body = solid_of(spec.where.body, spec.where.place, frames, out);
-  const BuiltBody& to = solid_of(spec.to_body, spec.to_place, frames, out);
-  std::vector<NodeEquation> equations;
-  long free = 0;
-  const std::vector<MeshFace>& faces = to.mesh->face_set(spec.to_face);
-  const FaceSearch search(*to.mesh, faces, [&](Index n) { return place_at_start(frames, *to.flexible, n); });
-  for (const Index node : frames.nodes_of(spec.where, body)) {
-    const FacePoint at = search.nearest(place_at_start(frames, *body.flexible, node));
-    if (at.distance > (spec.tolerance > 0 ? spec.tolerance : kNear * at.extent)) {
-      ++free;
-      continue;
-    }
-    for (int d = 0; d < 3; ++d) {
-      NodeEquation e;
-      e.label = fmt::format("node {} of '{}', {}", body.mesh->node_label(node), spec.where.body, "xyz"[d]);
-      add_term(e, {body.flexible, node, d, 1});
-      for (const auto& [n, weight] : at.weights)
-        if (std::abs(weight) > 1e-14) add_term(e, {to.flexible, n, d, -weight});
-      settle(e, frames, 0);
-      if (e.terms.size() > 1) equations.push_back(std::move(e));  // else the node belongs to the face itself
-    }
-  }
-  if (equations.empty())
-    fail(spec.place,
-         fmt::format("ties nothing: none of the nodes lies on the faces '{}' of '{}'; 'tolerance' says how far "
-                     "away they may be",
-                     spec.to_face, spec.to_body));
-  if (free > 0)
-    out.notices.push_back(
-        fmt::format("{}: {} nodes lie too far from the faces '{}' and stay free", spec.name, free, spec.to_face));
-  out.system.add(std::make_unique<NodeEquations>(spec.name, std::move(equations)));
 }
 
 }  // namespace espalier::dynamics::model

@@ -9,21 +9,26 @@
 namespace espalier::dynamics::model {
 
 FaceSearch::FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place) {
-  for (const MeshFace& f : faces) {
-    Face face{
-        shape_of(mesh.type(f.element)).faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), {}, {}, 0};
-    face.centre.setZero();
-    for (const Index n : face.nodes) {
-      face.places.push_back(place(n));
-      face.centre += face.places.back() / static_cast<double>(face.nodes.size());
-    }
-    for (const Vec3& x : face.places) face.radius = std::max(face.radius, (x - face.centre).norm());
-    faces_.push_back(std::move(face));
-  }
+  for (const MeshFace& f : faces)
+    add(shape_of(mesh.type(f.element)).faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), place);
 }
 
-/// Shares of the nodes, and the distance: Gauss and Newton's steps in the face's two coordinates, kept on the face.
-std::pair<std::vector<double>, double> FaceSearch::project(const Face& face, const Vec3& point) {
+FaceSearch::FaceSearch(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place) {
+  for (const auto& quad : quads) add(ElementType::quad4, {quad.begin(), quad.end()}, place);
+}
+
+void FaceSearch::add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place) {
+  Face face{type, std::move(nodes), {}, Vec3::Zero(), 0};
+  for (const Index n : face.nodes) {
+    face.places.push_back(place(n));
+    face.centre += face.places.back() / static_cast<double>(face.nodes.size());
+  }
+  for (const Vec3& x : face.places) face.radius = std::max(face.radius, (x - face.centre).norm());
+  faces_.push_back(std::move(face));
+}
+
+/// Gauss and Newton's steps in the face's two coordinates, kept on the face.
+FacePoint FaceSearch::project(const Face& face, const Vec3& point) {
   constexpr int kSteps = 50;
   constexpr double kRest = 1e-15;
   const bool triangle = shape_of(face.type).corners == 3;
@@ -65,20 +70,25 @@ std::pair<std::vector<double>, double> FaceSearch::project(const Face& face, con
     if (moved < kRest) break;
   }
   evaluate(xr, xs);
-  return {{f.n.begin(), f.n.begin() + static_cast<std::ptrdiff_t>(face.places.size())}, (point - x).norm()};
+  FacePoint out;
+  for (std::size_t a = 0; a < face.nodes.size(); ++a) {
+    out.weights.emplace_back(face.nodes[a], f.n[a]);
+    out.slopes[0].push_back(f.r[a]);
+    out.slopes[1].push_back(f.s[a]);
+  }
+  out.tangents = {xr, xs};
+  out.distance = (point - x).norm();
+  out.extent = 2 * face.radius;
+  return out;
 }
 
-FacePoint FaceSearch::nearest(const Vec3& point) const {
+FacePoint FaceSearch::nearest(const Vec3& point, Index without) const {
   FacePoint best;
   best.distance = std::numeric_limits<double>::infinity();
   for (const Face& face : faces_) {
     if ((point - face.centre).norm() - face.radius >= best.distance) continue;
-    const auto [weights, distance] = project(face, point);
-    if (!(distance < best.distance)) continue;
-    best.distance = distance;
-    best.extent = 2 * face.radius;
-    best.weights.clear();
-    for (std::size_t a = 0; a < weights.size(); ++a) best.weights.emplace_back(face.nodes[a], weights[a]);
+    if (without >= 0 && std::find(face.nodes.begin(), face.nodes.end(), without) != face.nodes.end()) continue;
+    if (FacePoint found = project(face, point); found.distance < best.distance) best = std::move(found);
   }
   return best;
 }

@@ -2,7 +2,9 @@
 /// The nearest points on faces of a mesh.
 #pragma once
 
+#include <array>
 #include <functional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -14,13 +16,19 @@ namespace espalier::dynamics::model {
 struct FacePoint {
   std::vector<std::pair<Index, double>> weights;  ///< nodes of the face and their shares in the point
   double distance = 0, extent = 0;                ///< to the point that was asked for; of the face
+  std::array<std::vector<double>, 2> slopes{};    ///< of the same nodes in the tangents, along the face's coordinates
+  std::array<Vec3, 2> tangents{Vec3::Zero(), Vec3::Zero()};
+  [[nodiscard]] Vec3 normal() const { return tangents[0].cross(tangents[1]).normalized(); }
 };
 
 class FaceSearch {
  public:
   /// @param place  of a node @param mesh, faces, place  outlive this
   FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place);
-  [[nodiscard]] FacePoint nearest(const Vec3& point) const;
+  /// The same with quadrilaterals of a shell.
+  FaceSearch(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place);
+  /// @param without  faces with this node do not count; -1: all do
+  [[nodiscard]] FacePoint nearest(const Vec3& point, Index without = -1) const;
 
  private:
   struct Face {
@@ -30,7 +38,8 @@ class FaceSearch {
     Vec3 centre;
     double radius;
   };
-  static std::pair<std::vector<double>, double> project(const Face& face, const Vec3& point);
+  void add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place);
+  static FacePoint project(const Face& face, const Vec3& point);
   std::vector<Face> faces_;
 };
 

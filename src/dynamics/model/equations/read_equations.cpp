@@ -49,10 +49,14 @@ TieSpec read_tie(const std::string& name, const Value& value) {
   out.where.body = s.text("body");
   read_where(s, out.where);
   auto to = s.table("to");
-  if (!to) fail(s.place(), "needs 'to', the faces that the nodes stay on: to = { body = \"part\", face = \"SET\" }");
+  if (!to)
+    fail(s.place(),
+         "needs 'to', what the nodes stay on: to = { body = \"part\", face = \"SET\" } of a solid, to = { body = "
+         "\"part\" } "
+         "of a shell, a beam or a cable");
   out.to_place = to->place();
   out.to_body = to->text("body");
-  out.to_face = to->text("face");
+  out.to_face = to->text("face", "");
   to->finish();
   out.tolerance = s.positive("tolerance", 0);
   s.finish();

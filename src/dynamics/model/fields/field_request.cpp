@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/at.hpp"
+#include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/fields/field_quantity.hpp"
 #include "dynamics/model/fields/sums.hpp"
 #include "dynamics/model/functions.hpp"
@@ -95,9 +96,11 @@ std::vector<Measure> measures_of(const SampledBody& body, FieldKind kind, const 
 /// A fibre lies in the section.
 void check_fibre(const SampledBody& body, const Sites& sites) {
   const auto* beam = std::get_if<BeamSpec>(&body.body().spec.shape);
-  if (beam == nullptr || !beam->outline) return;
+  if (beam == nullptr) return;
+  const std::optional<SectionOutline> outline = section_of_chain(*beam, line_chains(body.body()).front()).outline;
+  if (!outline) return;
   constexpr double kSlack = 1 + 1e-6;
-  const SectionOutline& o = *beam->outline;
+  const SectionOutline& o = *outline;
   for (const Site& site : sites.list) {
     if (!site.fibre) continue;
     const bool inside = o.radius > 0

@@ -7,6 +7,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "dynamics/model/assembly/line_elements.hpp"
+
 namespace espalier::dynamics::model {
 namespace {
 
@@ -126,7 +128,14 @@ std::vector<Measure> section_measures(FieldBody kind) {
 std::vector<Measure> fibre_measures(const SampledBody& body, Statistic statistic) {
   const auto* beam = std::get_if<BeamSpec>(&body.body().spec.shape);
   const auto* cable = std::get_if<CableSpec>(&body.body().spec.shape);
-  const std::optional<SectionOutline> outline = beam != nullptr ? beam->outline : cable->outline;
+  const std::vector<LineChain> chains = line_chains(body.body());
+  if (std::any_of(chains.begin(), chains.end(), [&](const LineChain& c) { return c.section != chains[0].section; }))
+    throw std::invalid_argument(fmt::format(
+        "'{}' has several sections: .section.N, .My ... are known; for stresses make a body of each section "
+        "by 'element_set'",
+        body.body().spec.name));
+  const std::optional<SectionOutline> outline =
+      beam != nullptr ? section_of_chain(*beam, chains[0]).outline : cable->outline;
   if (!outline)
     throw std::invalid_argument(
         fmt::format("the section of '{}' is given by its constants: stresses need 'material' with 'radius', or with "
@@ -134,14 +143,14 @@ std::vector<Measure> fibre_measures(const SampledBody& body, Statistic statistic
                     body.body().spec.name));
   const SectionOutline o = *outline;
   if (beam != nullptr) {
-    const BeamSection s = beam->section;
+    const BeamSection s = section_of_chain(*beam, chains[0]).section;
     std::function<double(const SiteNumbers&)> shear;
     // T r / J, J = 2 I of a circle; shear forces have no part where bending is largest.
     if (o.radius > 0) shear = [s, o](const SiteNumbers& n) { return n[3] * o.radius * o.young / (2 * s.bending_y); };
     return fibres(
         o, [s, o](const SiteNumbers& n) { return normal_stress(s, o.young, n); }, statistic, shear);
   }
-  const CableSection s = cable->section;
+  const CableSection s = section_of_chain(*cable, chains[0]);
   const auto normal = [s, o](const SiteNumbers& n) {
     return Normal{o.young * n[0] / s.axial, o.young * std::hypot(n[1], n[2], n[3]) / s.bending, 0};
   };

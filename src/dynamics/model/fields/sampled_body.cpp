@@ -12,6 +12,7 @@
 #include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/elements/strain_material.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -104,8 +105,8 @@ Index SampledBody::find_element(std::int64_t label) const {
 }
 
 std::int64_t SampledBody::node_label(Index node) const {
-  if (const auto* shell = std::get_if<ShellSpec>(&body_.spec.shape)) return shell->mesh->node_label(node);
-  return body_.mesh ? body_.mesh->node_label(node) : node + 1;
+  const Mesh* mesh = named_mesh(body_);
+  return mesh != nullptr ? mesh->node_label(node) : node + 1;
 }
 
 Vec3 SampledBody::node_place(Index node) const {

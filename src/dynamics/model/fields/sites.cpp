@@ -8,6 +8,7 @@
 
 #include "base/at.hpp"
 #include "dynamics/mesh/names.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/fields/locate.hpp"
 #include "dynamics/model/frames/labels.hpp"
 
@@ -126,10 +127,7 @@ std::vector<Index> all_of(Index count) {
 }
 
 /// The mesh that has the names; null: there is none.
-const Mesh* sets_of(const SampledBody& body) {
-  if (const auto* shell = std::get_if<ShellSpec>(&body.body().spec.shape)) return shell->mesh.get();
-  return body.body().mesh.get();
-}
+const Mesh* sets_of(const SampledBody& body) { return named_mesh(body.body()); }
 
 [[noreturn]] void no_such_set(const SampledBody& body, const std::string& set) {
   const std::string& name = body.body().spec.name;
@@ -165,6 +163,7 @@ std::vector<Index> elements_of_set(const SampledBody& body, const std::string& s
   if (sets_of(body) == nullptr || find_named(sets_of(body)->element_sets, set) == sets_of(body)->element_sets.end())
     no_such_set(body, set);
   std::vector<Index> out;
+  if (line_file(body.body()) != nullptr) return sets_of(body)->element_set(set);  // halves of elements have one label
   for (const Index e : sets_of(body)->element_set(set))
     if (const Index own = body.find_element(sets_of(body)->element_label(e)); own >= 0) out.push_back(own);
   if (out.empty())

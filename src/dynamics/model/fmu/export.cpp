@@ -111,6 +111,12 @@ class Exporter {
     dynamics::model::expand(expanded, options_.set);
     const dynamics::FileSource::Scope scope(recording_);
     dynamics::model::Description model = dynamics::model::read_description(expanded, name_);
+    for (const auto& [key, value] : model.solver)
+      if (key == "device" && value.starts_with("gpu"))
+        refuse(
+            fmt::format("{}: solver.device is '{}', but an FMU computes on the host, wherever it runs: --set "
+                        "solver.device=cpu",
+                        name_, value));
     if (model.statics || !model.moves)
       refuse(fmt::format("{}: an FMU moves in time; the model needs [integrator], and no [statics]", name_));
     integrator_ = model.integrator;
@@ -225,6 +231,8 @@ class Exporter {
     for (const auto& [name, file] : dynamics::model::fmu_binaries(library_, d.identifier + ".so"))
       members.push_back({fmt::format("binaries/{}/{}", three ? kPlatform3 : kPlatform2, name),
                          std::string(matrix::FileBytes(file).bytes())});
+    for (const auto& [name, file] : dynamics::model::fmu_licenses(library_))
+      members.push_back({"documentation/licenses/" + name, dynamics::read_from_disk(file)});
     const std::string archive = fmi::make_zip(members);
     base::OutputFile out(path);
     out.write(archive);

@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* kLibrary = "espalier_fmu.so";
+constexpr const char* kLicenses = "espalier_fmu_licenses";
 
 [[noreturn]] void refuse(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
 
@@ -101,6 +102,21 @@ std::vector<std::pair<std::string, std::string>> fmu_binaries(const std::string&
       if (std::find(wanted.begin(), wanted.end(), next) == wanted.end()) wanted.push_back(next);
   }
   found.insert(found.begin(), {name, library});
+  return found;
+}
+
+std::vector<std::pair<std::string, std::string>> fmu_licenses(const std::string& library) {
+  const fs::path folder = fs::path(library).parent_path() / kLicenses;
+  std::vector<std::pair<std::string, std::string>> found;
+  std::error_code error;
+  for (auto it = fs::directory_iterator(folder, error); !error && it != fs::directory_iterator(); it.increment(error))
+    found.emplace_back(it->path().filename().string(), it->path().string());
+  std::sort(found.begin(), found.end());
+  if (std::none_of(found.begin(), found.end(), [](const auto& f) { return f.first == "license.txt"; }))
+    refuse(
+        fmt::format("{}: the licences of the library of FMUs are not there, which go into each of them; the build and "
+                    "installations lay them beside the library",
+                    folder.string()));
   return found;
 }
 

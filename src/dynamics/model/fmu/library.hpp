@@ -17,4 +17,8 @@ namespace espalier::dynamics::model {
 [[nodiscard]] std::vector<std::pair<std::string, std::string>> fmu_binaries(const std::string& library,
                                                                             const std::string& name);
 
+/// Names and paths of the licences that lie beside the library, which go with it. @throws Error(invalid_input) where
+/// they do not
+[[nodiscard]] std::vector<std::pair<std::string, std::string>> fmu_licenses(const std::string& library);
+
 }  // namespace espalier::dynamics::model

@@ -7,6 +7,8 @@
 #include <stdexcept>
 #include <utility>
 
+#include "dynamics/model/assembly/line_body.hpp"
+
 namespace espalier::dynamics::model {
 namespace {
 
@@ -15,14 +17,15 @@ using Labelled = std::vector<std::pair<std::int64_t, Index>>;
 std::int64_t label_of(const BuiltBody& body, Index node) {
   if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape))
     return substructure->nodes[static_cast<std::size_t>(node)].label;
-  if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) return shell->mesh->node_label(node);
-  return body.mesh ? body.mesh->node_label(node) : std::int64_t{node} + 1;
+  const Mesh* mesh = named_mesh(body);
+  return mesh != nullptr ? mesh->node_label(node) : std::int64_t{node} + 1;
 }
 
 /// From 1 on, as grids and lines are.
 bool is_counted(const BuiltBody& body) {
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
-  return !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape) && (shell == nullptr || !shell->file);
+  return !body.mesh && !std::holds_alternative<SubstructureSpec>(body.spec.shape) &&
+         (shell == nullptr || !shell->file) && line_file(body) == nullptr;
 }
 
 /// Sorted by labels.
@@ -48,6 +51,12 @@ Labelled labels_of(const BuiltBody& body) {
 }
 
 }  // namespace
+
+const Mesh* named_mesh(const BuiltBody& body) {
+  if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape)) return shell->mesh.get();
+  if (const LineFile* lines = line_file(body)) return lines->mesh.get();
+  return body.mesh.get();
+}
 
 std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels) {
   const bool counted = is_counted(body);

@@ -9,6 +9,9 @@
 
 namespace espalier::dynamics::model {
 
+/// The mesh that has the names of nodes, elements and sets: of solids, shells, lines of files; else null.
+[[nodiscard]] const Mesh* named_mesh(const BuiltBody& body);
+
 /// Nodes with these labels, in their order: of meshes and substructures as in the file (meshes of our own: from 1), of
 /// cables, beams and shells counted from 1, -1 the last.
 /// @throws std::invalid_argument for a label that is not there, with those that are near

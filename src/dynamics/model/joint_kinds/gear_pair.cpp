@@ -1,6 +1,8 @@
 #include <fmt/format.h>
 
-#include "dynamics/model/joint_kinds/kind.hpp"
+#include <numbers>
+
+#include "dynamics/model/joint_kinds/wheels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -13,6 +15,7 @@ void read_gear_pair(Section& s, JointSpec& j, Description& /*model*/) {
   j.inner = s.choice("inner", {"none", "a", "b"}, 0) - 1;
   if (j.inner >= 0 && !(j.teeth[static_cast<std::size_t>(j.inner)] > j.teeth[static_cast<std::size_t>(1 - j.inner)]))
     fail(s.place("inner"), "the wheel with inner teeth must have more of them than the one inside it");
+  read_pressure_angle(s, j);
 }
 
 void check_gear_pair(JointSpec& j, const FrameBuilder& frames) {
@@ -27,7 +30,7 @@ void check_gear_pair(JointSpec& j, const FrameBuilder& frames) {
 }
 
 // Radii from the distance of the centres: the multiplier is then the force at the teeth.
-std::unique_ptr<Joint> make_gear_pair(const JointSpec& j, std::vector<FramePtr> f, const JointStart& start) {
+std::array<double, 2> pitch_radii(const JointSpec& j, const JointStart& start) {
   const FrameMotion &a = start.frames[0], &b = start.frames[1];
   const Vec3 axis = a.rot.col(2), d = b.r - a.r;
   const double distance = (d - d.dot(axis) * axis).norm();
@@ -37,10 +40,36 @@ std::unique_ptr<Joint> make_gear_pair(const JointSpec& j, std::vector<FramePtr> 
   std::array<double, 2> radii = j.teeth;
   if (j.inner >= 0) radii[static_cast<std::size_t>(j.inner)] *= -1;
   const double scale = distance / std::abs(radii[0] + radii[1]), side = axis.dot(b.rot.col(2)) < 0 ? -1 : 1;
-  return gear_pair(j.name, std::move(f[0]), std::move(f[1]), scale * radii[0], side * scale * radii[1]);
+  return {scale * radii[0], side * scale * radii[1]};
+}
+
+std::unique_ptr<Joint> make_gear_pair(const JointSpec& j, std::vector<FramePtr> f, const JointStart& start) {
+  const std::array<double, 2> radii = pitch_radii(j, start);
+  return gear_pair(j.name, std::move(f[0]), std::move(f[1]), radii[0], radii[1]);
 }
 
 }  // namespace
+
+void read_pressure_angle(Section& s, JointSpec& j) {
+  j.pressure_angle = s.number("pressure_angle", 0);
+  if (!(j.pressure_angle >= 0 && j.pressure_angle < std::numbers::pi / 2))
+    fail(s.place("pressure_angle"), "must lie between 0 and a right angle; involute teeth mostly have 20 degrees");
+}
+
+// Each wheel with outer teeth is pressed away from the pitch point: two of them apart, one inside another one towards
+// the centre of that.
+Separation separation_of(const JointSpec& j, const JointStart& start) {
+  if (j.type == JointType::gear_pair) return {{.function = centre_distance()}, j.inner < 0 ? 1.0 : -1.0};
+  const FrameMotion &a = start.frames[0], &b = start.frames[1];
+  const Vec3 away = a.rot.col(2).cross(b.rot.col(2)) * (distance_to_line(start) < 0 ? 1 : -1);
+  return {{.function = distance_along(a.rot.transpose() * away.normalized())}, 1};
+}
+
+PairCoordinate pitch_line(const JointSpec& j, const JointStart& start) {
+  if (j.type == JointType::rack_pair) return {Relative::along, 2};
+  return {.function =
+              std::make_shared<PairSum>(std::vector<PairSum::Part>{{pitch_radii(j, start)[0], {Relative::polar}}})};
+}
 
 const JointKind kGearPair = {.type = JointType::gear_pair,
                              .read = read_gear_pair,

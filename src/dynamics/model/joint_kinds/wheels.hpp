@@ -11,6 +11,22 @@ void check_crossing(JointSpec& j, const FrameBuilder& frames);
 /// From the centre of the wheel b to the line z of a, along z_A x z_B: the radius of a wheel that touches it there.
 [[nodiscard]] double distance_to_line(const JointStart& start);
 
+/// Gear pairs and rack pairs.
+[[nodiscard]] constexpr bool has_spur_teeth(JointType type) {
+  return type == JointType::gear_pair || type == JointType::rack_pair;
+}
+/// Reads `pressure_angle`.
+void read_pressure_angle(Section& s, JointSpec& j);
+/// The coordinate along which the teeth of a gear pair or a rack pair press its frames apart (factor 1), or together
+/// (factor -1: inner teeth).
+struct Separation {
+  PairCoordinate coordinate;
+  double factor = 1;
+};
+[[nodiscard]] Separation separation_of(const JointSpec& j, const JointStart& start);
+/// Along which the pitch circles of a gear pair, or pinion and rack, run: its rate is the speed at the pitch point.
+[[nodiscard]] PairCoordinate pitch_line(const JointSpec& j, const JointStart& start);
+
 /// Of a worm whose frames stand so. @throws std::invalid_argument where the wheel reaches to the worm's axis
 [[nodiscard]] WormShape worm_shape(const JointSpec& j, const JointStart& start);
 

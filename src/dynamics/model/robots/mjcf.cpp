@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <limits>
 
+#include "dynamics/model/robots/geom_mass.hpp"
+
 namespace espalier::dynamics::model::robots {
 namespace {
 
@@ -61,6 +63,23 @@ void read_options(const MjcfText& text, Robot& robot, Off& switched_off) {
 }
 
 }  // namespace
+
+Mass read_inertial(const MjcfText& text, const Element& e) {
+  const Attributes a({e});
+  Mass m;
+  static_cast<void>(e.need("mass"));
+  m.mass = e.number("mass", 0);
+  if (m.mass < 0) e.fail("'mass' must not be negative");
+  if (e.has("fullinertia")) {
+    const std::vector<double> i = e.numbers("fullinertia", 6, 6);
+    m.inertia << i[0], i[3], i[4], i[3], i[1], i[5], i[4], i[5], i[2];
+  } else if (e.has("diaginertia")) {
+    m.inertia = e.vector("diaginertia", Vec3::Zero()).asDiagonal();
+  } else {
+    e.fail("needs 'diaginertia' or 'fullinertia'");
+  }
+  return moved(m, text.pose(a));
+}
 
 Robot read_mjcf(const XmlFile& file, const RobotOptions& options) {
   const MjcfText text(file);

@@ -20,4 +20,7 @@ void read_mjcf_keyframe(const MjcfText& text, const RobotOptions& options, Robot
 /// Place of a link with all joints at their `ref`.
 [[nodiscard]] Pose pose_at_ref(const Robot& robot, int link);
 
+/// <inertial> of a body.
+[[nodiscard]] Mass read_inertial(const MjcfText& text, const Element& e);
+
 }  // namespace espalier::dynamics::model::robots

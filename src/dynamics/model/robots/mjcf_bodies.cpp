@@ -1,5 +1,6 @@
 // Bodies of MJCF with what hangs on them.
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <set>
 #include <system_error>
@@ -35,7 +36,7 @@ class BodyReader {
     bool any = false;
     for (const Element& world : text_.sections("worldbody")) {
       any = true;
-      read_children(world, {-1, {}, world.text("childclass")});
+      read_children(world, {-1, {}, world.text("childclass"), {}});
     }
     if (!any) text_.root().fail("has no <worldbody>");
     scale_masses();
@@ -46,8 +47,15 @@ class BodyReader {
   struct Around {
     int link;
     Pose frame;
-    std::string childclass;
+    std::string childclass, suffix = {};  ///< suffix: of names, in copies
   };
+  /// Its name in this copy; "": it has none.
+  std::string name_of(const Element& e, const Around& around) {
+    const std::string name = e.text("name");
+    if (name.empty() || around.suffix.empty()) return name;
+    robot_.copied[std::string(e.tag()) + " " + name].push_back(around.suffix);
+    return name + around.suffix;
+  }
 
   void add_mesh(const Element& e) {
     const Attributes a = text_.attributes(e);
@@ -91,13 +99,34 @@ class BodyReader {
         add_geom(e, around);
       } else if (e.tag() == "site") {
         const Attributes a = text_.attributes(e, around.childclass);
-        link_of(around.link).sites.push_back({e.text("name"), site_pose(a, around)});
+        link_of(around.link).sites.push_back({name_of(e, around), site_pose(a, around)});
+      } else if (e.tag() == "replicate") {
+        replicate(e, around);
       } else if (e.tag() != "inertial") {
         const std::string tag(e.tag());
-        if (tag == "replicate" || tag == "attach" || tag == "composite" || tag == "flexcomp")
+        if (tag == "attach" || tag == "composite" || tag == "flexcomp")
           robot_.notices.push_back(e.where() + ": <" + tag + "> and the bodies that it would make are left out");
         robot_.pass_over("<" + tag + ">");
       }
+    }
+  }
+
+  /// Its elements `count` times, each copy moved on from the one before, with its number behind the names.
+  void replicate(const Element& e, const Around& around) {
+    static_cast<void>(e.need("count"));
+    const double count = e.number("count", 0);
+    if (!(count >= 0) || count != std::floor(count)) e.fail("'count' must be a whole number");
+    const Pose step{e.vector("offset", Vec3::Zero()), text_.rotation(Attributes({e}))};
+    const std::size_t digits = std::to_string(std::max<long long>(0, std::llround(std::min(count, 1e9)) - 1)).size();
+    Around inner = around;
+    if (e.has("childclass")) inner.childclass = e.text("childclass");
+    for (long long k = 0; static_cast<double>(k) < count; ++k) {
+      constexpr int kMostCopies = 100'000;
+      if (++copies_ > kMostCopies) e.fail("more than 100,000 copies are made by <replicate>");
+      const std::string number = std::to_string(k);
+      inner.suffix = e.text("sep") + std::string(digits - number.size(), '0') + number + around.suffix;
+      read_children(e, inner);
+      inner.frame = inner.frame * step;
     }
   }
 
@@ -105,7 +134,7 @@ class BodyReader {
 
   void read_body(const Element& e, const Around& around) {
     Link link;
-    link.name = e.text("name");
+    link.name = name_of(e, around);
     if (link.name.empty()) link.name = "body_" + std::to_string(robot_.links.size() + 1);
     if (!names_.insert(link.name).second) e.fail("there is a body of that name already");
     link.where = e.where();
@@ -118,7 +147,7 @@ class BodyReader {
     robot_.links.push_back(link);
     geom_masses_.emplace_back();
     weighed_by_geoms_.push_back(by_geoms(e));
-    const Around inside{at, {}, e.has("childclass") ? e.text("childclass") : around.childclass};
+    const Around inside{at, {}, e.has("childclass") ? e.text("childclass") : around.childclass, around.suffix};
     // Its own joints, geoms and mass before the bodies inside, whose links follow.
     read_children(e, inside);
     link_of(at).mass = mass_of(e, at);
@@ -138,33 +167,16 @@ class BodyReader {
       m = sum_of(geom_masses_[static_cast<std::size_t>(link)]);
     } else {
       for (const Element& e : text_.children(body))
-        if (e.tag() == "inertial") m = inertial(e);
+        if (e.tag() == "inertial") m = read_inertial(text_, e);
     }
     const MjcfCompiler& c = text_.compiler();
     return bounded(m, c.least_mass, c.least_inertia, c.balance_inertia);
   }
 
-  Mass inertial(const Element& e) const {
-    const Attributes a({e});
-    Mass m;
-    static_cast<void>(e.need("mass"));
-    m.mass = e.number("mass", 0);
-    if (m.mass < 0) e.fail("'mass' must not be negative");
-    if (e.has("fullinertia")) {
-      const std::vector<double> i = e.numbers("fullinertia", 6, 6);
-      m.inertia << i[0], i[3], i[4], i[3], i[1], i[5], i[4], i[5], i[2];
-    } else if (e.has("diaginertia")) {
-      m.inertia = e.vector("diaginertia", Vec3::Zero()).asDiagonal();
-    } else {
-      e.fail("needs 'diaginertia' or 'fullinertia'");
-    }
-    return moved(m, text_.pose(a));
-  }
-
   void add_joint(const Element& e, const Around& around, Link& link) {
     const Attributes a = e.tag() == "freejoint" ? Attributes({e}) : text_.attributes(e, around.childclass);
     RobotJoint j;
-    j.name = e.text("name");
+    j.name = name_of(e, around);
     if (j.name.empty())
       j.name = link.name + "_joint" + (link.joints.empty() ? "" : std::to_string(link.joints.size() + 1));
     else if (!joint_names_.insert(j.name).second)
@@ -189,7 +201,7 @@ class BodyReader {
     if (j.kind != JointKind::ball) j.ref = unit * a.number("ref", 0);
     j.rest = unit * a.number("springref", 0);
     read_coefficients(a, j);
-    if (const auto x = a.numbers("springdamper", 2, 2); !x.empty() && x[0] != 0) robot_.pass_over("springdamper");
+    if (const auto x = a.numbers("springdamper", 2, 2); !x.empty()) j.spring_damper = {x[0], x[1]};
     j.start = j.ref;
     if (const auto range = text_.limits(a, "limited", "range")) {
       if (j.kind == JointKind::ball)
@@ -247,7 +259,7 @@ class BodyReader {
     Geom g;
     Link& link = link_of(around.link);
     g.kind = kind->second;
-    g.name = e.text("name");
+    g.name = name_of(e, around);
     if (g.name.empty())
       g.name = (link.name.empty() ? "world" : link.name) + "_geom";
     else if (!geom_names_.insert(g.name).second)
@@ -367,6 +379,7 @@ class BodyReader {
   std::vector<std::vector<Mass>> geom_masses_;  // of links
   std::vector<char> weighed_by_geoms_;          // of links
   std::set<std::string> names_, joint_names_, geom_names_, in_pairs_;
+  int copies_ = 0;
 };
 
 }  // namespace

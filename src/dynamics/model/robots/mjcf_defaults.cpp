@@ -1,6 +1,7 @@
 #include "dynamics/model/robots/mjcf_defaults.hpp"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/robots/files.hpp"
@@ -111,15 +112,22 @@ void MjcfText::read_class(const Element& e, int outer) {
 }
 
 const XmlFile& MjcfText::included(const Element& include) const {
-  constexpr std::size_t kMost = 1000;
+  constexpr std::size_t kMost = 1000, kMostBytes = 200'000'000;
   const auto [it, fresh] = included_.emplace(std::pair{include.file, include.node.offset_debug()}, nullptr);
   if (!fresh && it->second != nullptr) return *it->second;
   const std::string path = path_from(folder_, include.need("file"));
+  const auto plain = [](const std::string& name) {
+    std::error_code none;
+    return std::filesystem::weakly_canonical(name, none);
+  };
   for (const XmlFile* above = include.file; above != nullptr; above = by_.at(above))
-    if (above->name() == path) include.fail("'" + path + "' includes itself");
+    if (above->name() == path || plain(above->name()) == plain(path)) include.fail("'" + path + "' includes itself");
   if (more_.size() >= kMost) include.fail("more than 1000 files are included");
   try {
-    more_.emplace_back(path, read_whole_file(path));
+    std::string text = read_whole_file(path);
+    included_bytes_ += text.size();
+    if (included_bytes_ > kMostBytes) include.fail("the included files are larger than 200 MB");
+    more_.emplace_back(path, std::move(text));
   } catch (const Error& error) {
     include.fail(error.what());
   }

@@ -84,6 +84,7 @@ class MjcfText {
   const XmlFile& file_;
   std::string folder_;
   mutable std::deque<XmlFile> more_;
+  mutable std::size_t included_bytes_ = 0;
   mutable std::map<std::pair<const XmlFile*, std::ptrdiff_t>, const XmlFile*> included_;  // by the place of the element
   mutable std::map<const XmlFile*, const XmlFile*> by_;                                   // which file names it
   MjcfCompiler compiler_;

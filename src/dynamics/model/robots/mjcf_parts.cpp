@@ -44,6 +44,10 @@ class PartsReader {
   }
 
  private:
+  /// Attributes that name something, with the tag of that.
+  static constexpr std::pair<const char*, const char*> kReferences[] = {
+      {"joint", "joint"}, {"jointinparent", "joint"}, {"joint1", "joint"}, {"joint2", "joint"}, {"site", "site"},
+      {"site1", "site"},  {"site2", "site"},          {"body1", "body"},   {"body2", "body"},   {"tendon", "tendon"}};
   struct Placed {
     int link;
     Pose pose;
@@ -52,11 +56,38 @@ class PartsReader {
   template <class Each>
   void for_all(const char* section, const Each& each) {
     for (const Element& s : text_.sections(section))
-      for (const Element& e : text_.children(s)) each(e);
+      for (const Element& e : text_.children(s))
+        for (const std::string& suffix :
+             suffixes_of(e)) {  // as MuJoCo: whoever names what was copied is copied with it
+          suffix_ = suffix;
+          each(e);
+        }
   }
 
+  /// What stands behind the names of copies of what an element names; {""}: nothing there was copied.
+  std::vector<std::string> suffixes_of(const Element& e) const {
+    for (const auto& [key, tag] : kReferences)
+      if (e.has(key))
+        if (const auto it = robot_.copied.find(std::string(tag) + " " + e.text(key)); it != robot_.copied.end())
+          return it->second;
+    for (const Element& inner : text_.children(e))
+      if (auto list = suffixes_of(inner); list != std::vector<std::string>{""}) return list;
+    return {""};
+  }
+  /// The copy that is meant of what is named there.
+  std::string named(const Element& e, const char* key, const char* tag) const {
+    const std::string name = e.text(key);
+    return robot_.copied.contains(std::string(tag) + " " + name) ? name + suffix_ : name;
+  }
+  std::string needed(const Element& e, const char* key, const char* tag) const {
+    static_cast<void>(e.need(key));
+    return named(e, key, tag);
+  }
+  /// An element's own name; that of a copy, where it is one.
+  std::string own_name(const Element& e) const { return e.has("name") ? e.text("name") + suffix_ : ""; }
+
   std::string named_link(const Element& e, const char* key) const {
-    std::string name = e.need(key);
+    std::string name = needed(e, key, "body");
     if (name == "world") return "";
     if (!links_.contains(name)) e.fail("there is no body '" + name + "'");
     return name;
@@ -78,13 +109,14 @@ class PartsReader {
   void add_tendon(const Element& e) {
     const Attributes a = tendon_attributes(e);
     Tendon t;
-    t.name = e.text("name");
+    t.name = own_name(e);
     if (t.name.empty()) t.name = "tendon_" + std::to_string(robot_.tendons.size() + 1);
     if (!tendon_names_.insert(t.name).second) e.fail("there is a tendon of that name already");
+    if (!suffix_.empty() && e.has("name")) robot_.copied["tendon " + e.text("name")].push_back(suffix_);
     bool whole = true;
     if (e.tag() == "fixed") {
       for (const Element& inner : text_.children(e)) {
-        const RobotJoint& j = named_joint(inner, inner.need("joint"));
+        const RobotJoint& j = named_joint(inner, needed(inner, "joint", "joint"));
         if (!has_coordinate(j)) inner.fail("'" + j.name + "' is neither a hinge nor a slide");
         t.joints.emplace_back(j.name, inner.number("coef", 0));
       }
@@ -127,7 +159,7 @@ class PartsReader {
         if (!(divisor > 0)) inner.fail("'divisor' must be greater than 0");
         last.clear();
       } else if (inner.tag() == "site") {
-        const std::string site = inner.need("site");
+        const std::string site = needed(inner, "site", "site");
         static_cast<void>(named_site(inner, site));
         if (!last.empty()) t.pieces.push_back({last, site, divisor});
         last = site;
@@ -209,10 +241,10 @@ class PartsReader {
     for (const Element& by_default : text_.defaults_of(e, "", kinds)) apply(by_default, f);
     apply(e, f);
     Actuator a;
-    a.name = e.text("name");
-    a.joint = e.has("joint") ? e.text("joint") : e.text("jointinparent");
-    a.tendon = e.text("tendon");
-    a.site = e.text("site");
+    a.name = own_name(e);
+    a.joint = named(e, e.has("joint") ? "joint" : "jointinparent", "joint");
+    a.tendon = named(e, "tendon", "tendon");
+    a.site = named(e, "site", "site");
     if (a.name.empty()) a.name = (a.joint + a.tendon + a.site).empty() ? "actuator" : a.joint + a.tendon + a.site;
     const auto pass = [&](const std::string& what) {
       robot_.actuators.push_back({});  // keyframes count it
@@ -272,7 +304,7 @@ class PartsReader {
       return chain;
     }()});
     Equality q;
-    q.name = e.text("name");
+    q.name = own_name(e);
     if (q.name.empty()) q.name = std::string(e.tag()) + "_" + std::to_string(robot_.equalities.size() + 1);
     q.active = a.flag("active", true);
     if (e.tag() == "connect" || e.tag() == "weld") {
@@ -289,7 +321,7 @@ class PartsReader {
 
   void set_places(const Element& e, Equality& q) const {
     if (e.has("site1")) {
-      const Placed &one = named_site(e, e.need("site1")), &two = named_site(e, e.need("site2"));
+      const Placed &one = named_site(e, needed(e, "site1", "site")), &two = named_site(e, needed(e, "site2", "site"));
       const auto name = [&](int link) {
         return link < 0 ? std::string() : robot_.links[static_cast<std::size_t>(link)].name;
       };
@@ -325,13 +357,13 @@ class PartsReader {
       const auto given = e.numbers("polycoef", 1, 5);
       std::copy(given.begin(), given.end(), c.begin());
     }
-    const RobotJoint& one = named_joint(e, e.need("joint1"));
+    const RobotJoint& one = named_joint(e, needed(e, "joint1", "joint"));
     if (!has_coordinate(one)) e.fail("'" + one.name + "' is neither a hinge nor a slide");
     q.first = one.name;
     q.coupling = {"", 0, one.ref + c[0]};
     if (!e.has("joint2")) return true;
     if (c[2] != 0 || c[3] != 0 || c[4] != 0) return false;
-    const RobotJoint& two = named_joint(e, e.text("joint2"));
+    const RobotJoint& two = named_joint(e, named(e, "joint2", "joint"));
     if (!has_coordinate(two)) e.fail("'" + two.name + "' is neither a hinge nor a slide");
     q.second = two.name;
     q.coupling = {two.name, c[1], one.ref + c[0] - c[1] * two.ref};
@@ -344,6 +376,7 @@ class PartsReader {
   std::map<std::string, const RobotJoint*> joints_;
   std::map<std::string, Placed> sites_;
   std::set<std::string> tendon_names_, not_whole_;
+  std::string suffix_;  // of the copies that are named at present
 };
 
 }  // namespace

@@ -30,6 +30,7 @@ struct RobotJoint {
   double ref = 0;               ///< the coordinate where the link is at Link::pose
   double start = 0, speed = 0;  ///< coordinate and rate at the start
   double stiffness = 0, rest = 0, damping = 0, friction = 0, armature = 0;
+  std::array<double, 2> spring_damper{};  ///< time constant and damping ratio, > 0: they set stiffness and damping
   std::optional<double> lower, upper;
   double least_force = -std::numeric_limits<double>::infinity(), largest_force = -least_force;  ///< of actuators
   std::optional<Mimic> mimic;
@@ -123,7 +124,9 @@ struct Robot {
   std::vector<Equality> equalities;
   std::vector<std::array<std::string, 2>> excluded;  ///< links that do not touch each other
   bool contacts = true;
-  bool touch_parents = false;              ///< links touch those that they are joined to
+  bool touch_parents = false;  ///< links touch those that they are joined to
+  /// Elements that <replicate> has copied, "tag name", with what stands behind the names of the copies.
+  std::map<std::string, std::vector<std::string>> copied;
   std::map<std::string, int> passed_over;  ///< what is not taken, with how often
   std::vector<std::string> notices;
   void pass_over(const std::string& what, int count = 1) { passed_over[what] += count; }

@@ -141,7 +141,7 @@ class RobotWriter {
     Frames f{m.pose * Pose{j.point, axes}, {j.point, axes}};
     if (j.kind == JointKind::hinge) f.b.r = about(j.axis, j.ref) * axes;
     if (j.kind == JointKind::slide) f.a.p -= f.a.r * Vec3(0, 0, j.ref);
-    if (j.kind == JointKind::ball) f = {m.pose * Pose{j.point, Mat3::Identity()}, {j.point, Mat3::Identity()}};
+    if (!one_coordinate(j)) f = {m.pose * Pose{j.point, Mat3::Identity()}, {j.point, Mat3::Identity()}};
     return f;
   }
   void write_joint_frames(int k) {
@@ -174,11 +174,14 @@ class RobotWriter {
     const int k = static_cast<int>(at);
     const RobotJoint& j = body(k).joint;
     if (!one_coordinate(j)) {
-      if (j.armature != 0) robot_.pass_over("armature of ball and free joints");
+      const bool free = j.kind == JointKind::free;
+      if (j.armature != 0 && !free) robot_.pass_over("armature of ball joints");
       if (j.friction != 0) robot_.pass_over("friction loss of ball and free joints");
       if (j.stiffness == 0 && j.damping == 0) return;
-      if (j.kind == JointKind::free) return robot_.pass_over("damping and springs of free joints");
       begin_force(j.name + "_spring", "", "bushing", k);
+      if (free)
+        out_ << "stiffness = " << vector_text(Vec3::Constant(j.stiffness))
+             << "\ndamping = " << vector_text(Vec3::Constant(j.damping)) << "\n";
       out_ << "angular_stiffness = " << vector_text(Vec3::Constant(j.stiffness))
            << "\nangular_damping = " << vector_text(Vec3::Constant(j.damping)) << "\n";
       return;
@@ -206,13 +209,6 @@ class RobotWriter {
   [[nodiscard]] std::string rate_of(int k) const {
     return in_expression(joint_names_.at(body(k).joint.name),
                          kind_of(k) == JointKind::hinge ? ".angular_speed" : ".speed");
-  }
-
-  static std::string clamped(const std::string& x, double least, double largest) {
-    std::string text = x;
-    if (std::isfinite(least)) text = "max(" + text + ", " + number_text(least) + ")";
-    if (std::isfinite(largest)) text = "min(" + text + ", " + number_text(largest) + ")";
-    return text;
   }
 
   /// What an actuator exerts along `length`, before its gear.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 namespace espalier::dynamics::model::robots {
 namespace {
@@ -73,6 +74,13 @@ std::string in_expression(const std::string& name, const std::string& quantity) 
                      std::all_of(name.begin(), name.end(), [](char c) { return is_letter(c) || is_digit(c); });
   const std::string all = name + quantity;
   return plain ? all : "'" + all + "'";
+}
+
+std::string clamped(const std::string& x, double least, double largest) {
+  std::string text = x;
+  if (std::isfinite(least)) text = "max(" + text + ", " + number_text(least) + ")";
+  if (std::isfinite(largest)) text = "min(" + text + ", " + number_text(largest) + ")";
+  return text;
 }
 
 }  // namespace espalier::dynamics::model::robots

@@ -35,4 +35,7 @@ class Names {
 /// A name as expressions take it: in quotes where it is not letters, digits and _.
 [[nodiscard]] std::string in_expression(const std::string& name, const std::string& quantity);
 
+/// An expression within bounds; those that are not finite are none.
+[[nodiscard]] std::string clamped(const std::string& x, double least, double largest);
+
 }  // namespace espalier::dynamics::model::robots

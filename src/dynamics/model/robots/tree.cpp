@@ -6,6 +6,7 @@
 
 #include "dense/dense.hpp"
 #include "dynamics/model/robots/geom_mass.hpp"
+#include "dynamics/model/robots/spring_damper.hpp"
 #include "dynamics/model/value.hpp"
 #include "espalier/types.hpp"
 
@@ -24,6 +25,7 @@ class TreeMaker {
     follow_couplings();
     add_up();
     check_masses();
+    set_spring_dampers(tree_);
     place();
     return std::move(tree_);
   }
@@ -69,12 +71,22 @@ class TreeMaker {
         m.carrier = !last || !(link.mass.mass > 0);
         m.weightless = link.weightless;
         if (last) m.mass = link.mass, m.links = {link.name};
+        if (m.joint.kind == JointKind::free) add_armature(m);
         here = {static_cast<int>(tree_.moving.size()), {}};
         tree_.moving.push_back(std::move(m));
       }
     }
     tree_.homes[link.name] = here;
     add_places(link, here.body, here.pose);
+  }
+
+  /// Of a free body: a ball at its origin that nothing pulls down, whose mass and moment of inertia it is.
+  static void add_armature(Moving& m) {
+    const double a = m.joint.armature;
+    if (!(a > 0)) return;
+    m.mass = sum_of({m.mass, {a, Vec3::Zero(), a * Mat3::Identity()}});
+    m.lifts.emplace_back(a * (1 - m.weightless), Vec3::Zero());
+    m.carrier = false;
   }
 
   void find_joints() {

@@ -1,0 +1,156 @@
+"""Random sequences of calls on one solver, with arrays that change in place: a solution belongs to the values that were
+factorized last, or there is an error. Truth: residuals with a copy of these values, without refinement, which would hide a
+wrong factor."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+import espalier as esp
+
+
+class Sequence:
+    def __init__(self, seed):
+        self.random = np.random.default_rng(seed)
+        self.complex = self.random.random() < 0.25
+        self.symmetry = self.random.choice(["auto", "lower", "upper", "symmetric", "general"])
+        self.solver = esp.Solver(symmetry=self.symmetry, refinement_steps=0, required_backward_error=float("inf"), progress=False,
+                                 threads=int(self.random.integers(1, 3)), partial_refactorization=bool(self.random.integers(2)))
+        self.twin = None  # a solver, and the matrix that it has factorized
+        self.truth = None  # the matrix of the last factorization, dense; None: no solution may come
+        self.given = self.matrix()
+
+    def matrix(self):
+        """In the layout of this sequence; the whole matrix beside what is stored of it."""
+        n = int(self.random.integers(1, 30))
+        dense = np.where(self.random.random((n, n)) < 0.3, self.random.uniform(-1, 1, (n, n)), 0)
+        if self.complex:
+            dense = dense + 0.3j * np.where(dense != 0, self.random.uniform(-1, 1, (n, n)), 0)
+        if self.symmetry != "general":
+            dense = np.tril(dense) + np.tril(dense, -1).T
+        dense[np.diag_indices(n)] = 4 + abs(dense).sum(axis=1)
+        stored = {"lower": np.tril, "upper": np.triu}.get(self.symmetry, lambda a: a)(dense)
+        sparse = sp.csc_array(stored) if self.random.integers(2) else sp.csr_array(stored)
+        return sparse if self.random.integers(5) else sparse.tocoo()
+
+    def whole(self, sparse):
+        stored = sparse.toarray()
+        if self.symmetry in ("lower", "upper"):
+            return stored + stored.T - np.diag(np.diag(stored))
+        return stored
+
+    def scaled(self, sparse):
+        """Other values on the same pattern: D A D, by powers of two, so that what is symmetric stays so."""
+        d = sp.diags_array(2.0 ** self.random.integers(-2, 3, sparse.shape[0]))
+        result = (d @ sparse @ d).asformat(sparse.format)
+        assert result.nnz == sparse.nnz
+        return result
+
+    def factorize(self):
+        self.given = self.scaled(self.given) if self.random.integers(2) else self.matrix()
+        self.solver.factorize(self.given)
+        self.truth = self.whole(self.given)
+
+    def values(self):
+        if self.solver.analysis is None or self.given.format == "coo":
+            return
+        new = self.scaled(self.given).asformat(self.given.format)
+        data = new.data if self.random.integers(2) else np.repeat(new.data, 2)[::2]  # not contiguous
+        self.solver.factorize(data)
+        self.truth = self.whole(new)
+        self.given = new
+
+    def entries(self):
+        if self.truth is None or self.given.format == "coo" or self.symmetry in ("auto", "symmetric"):
+            return
+        places = self.random.integers(0, self.given.nnz, 3)
+        diagonal = [p for p in places if self._is_diagonal(p)]
+        if not diagonal:
+            return
+        self.given = self.given.copy()
+        self.given.data[diagonal] *= 2
+        self.solver.factorize_entries(diagonal, self.given.data[diagonal])
+        self.truth = self.whole(self.given)
+
+    def _is_diagonal(self, place):
+        major = int(np.searchsorted(self.given.indptr, place, side="right")) - 1
+        return int(self.given.indices[place]) == major
+
+    def in_place(self):
+        """The caller's arrays change behind the solver's back."""
+        self.given = self.given.copy()
+        old = self.given
+        self.solver.factorize(old)
+        self.truth = self.whole(old).copy()
+        self.given = old.copy()
+        old.data[:] = np.nan
+
+    def refused(self):
+        bad = self.given.copy()
+        bad.data[int(self.random.integers(len(bad.data)))] = np.nan
+        what = bad.data if self.random.integers(2) and self.solver.analysis is not None and bad.format != "coo" else bad
+        with pytest.raises(esp.Error):
+            self.solver.factorize(what)
+        if self.solver.factor is None:
+            self.truth = None
+
+    def wrong_count(self):
+        if self.solver.analysis is None:
+            return
+        with pytest.raises(ValueError):
+            self.solver.factorize(np.ones(self.given.nnz + 1))
+
+    def analyze(self):
+        self.solver.analyze(self.given)
+        self.truth = None
+
+    def swap(self):
+        """Goes on with a clone, a copy or what a pickle gives back, and keeps the other one."""
+        if self.solver.analysis is None:
+            return
+        how = int(self.random.integers(3))
+        if how and self.truth is not None:
+            other = copy.copy(self.solver) if how == 1 else pickle.loads(pickle.dumps(self.solver))
+            truth = self.truth
+        else:
+            other, truth = self.solver.clone(), None
+        self.twin = (self.solver, self.truth)
+        self.solver, self.truth = other, truth
+
+    def check(self, solver=None, truth=None):
+        solver, truth = (self.solver, self.truth) if solver is None else (solver, truth)
+        if truth is None:
+            with pytest.raises(RuntimeError):
+                solver.solve(np.ones(max(1, self.given.shape[0])))
+            return
+        n = len(truth)
+        b = self.random.uniform(-1, 1, (n, 2) if self.random.integers(2) else n)
+        if self.random.integers(3) == 0:
+            b = b.astype(np.float32)
+        transpose = self.random.choice([False, True])
+        right = np.asarray(b, dtype=np.float64).copy()
+        x = solver.solve(b if b.dtype == np.float32 else right, transpose=bool(transpose))
+        a = truth.T if transpose else truth
+        error = abs(right - a @ x).max() / (abs(a).sum(axis=1).max() * abs(x).max() + abs(right).max())
+        assert error < (1e-6 if x.dtype == np.float32 else 1e-10), f"the solution is not that of the last values: {error}"
+
+    def run(self, calls):
+        steps = [self.factorize, self.factorize, self.values, self.values, self.entries, self.entries, self.in_place,
+                 self.refused, self.wrong_count, self.analyze, self.swap]
+        for _ in range(calls):
+            steps[int(self.random.integers(len(steps)))]()
+            self.check()
+            if self.twin is not None:
+                self.check(*self.twin)
+
+
+@pytest.mark.parametrize("first", range(0, 200, 20))
+def test_solutions_are_those_of_the_last_values(first):
+    for seed in range(first, first + 20):
+        try:
+            Sequence(seed).run(25)
+        except Exception as error:
+            raise AssertionError(f"seed {seed}: {error}") from error

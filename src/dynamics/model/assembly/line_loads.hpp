@@ -1,0 +1,17 @@
+/// \file
+/// The lines that loads per length act on: edges of shells, beams, cables.
+#pragma once
+
+#include <vector>
+
+#include "dynamics/forces/line_load.hpp"
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+
+/// Points for integration, exact for even loads on straight elements. @param where  nodes of the line; of beams and
+/// cables none: all of it @throws std::invalid_argument where there is no line
+[[nodiscard]] std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const BuiltBody& body,
+                                                      const FrameBuilder& frames);
+
+}  // namespace espalier::dynamics::model

@@ -1,0 +1,41 @@
+/// \file
+/// What nodes are tied to: points of the material of a solid's faces, of a shell, of a beam or a cable.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "dynamics/model/builders.hpp"
+
+namespace espalier::dynamics::model {
+
+/// A point of a body's material, by the body's vertices.
+struct TiePoint {
+  using Parts = std::vector<std::pair<Index, double>>;  ///< vertices and their factors
+  /// A vector of the material there: the sum of factors times vertices, which is `value` at the start.
+  struct Axis {
+    Parts parts;
+    Vec3 value = Vec3::Zero();
+  };
+  Parts place;                 ///< with a constant rest where the body has no material vectors
+  std::vector<Axis> axes;      ///< three of shells and beams; the first are tangents, the last of shells the director
+  Vec3 normal = Vec3::Zero();  ///< of the face of a solid
+  double distance = 0;         ///< from the body to the point that was asked for
+  double reach = 0;            ///< up to which distance a node is taken as lying there, unless the text says
+};
+
+class TieTarget {
+ public:
+  virtual ~TieTarget() = default;
+  /// @param own  node of the same body that asks, whose own elements do not count; -1: of another body
+  [[nodiscard]] virtual TiePoint nearest(const Vec3& point, Index own) const = 0;
+};
+
+/// @param face  of a solid: a face set; else empty @throws std::invalid_argument
+[[nodiscard]] std::unique_ptr<TieTarget> make_tie_target(const BuiltBody& body, const std::string& face,
+                                                         const FrameBuilder& frames);
+
+}  // namespace espalier::dynamics::model
