@@ -158,11 +158,16 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
   double young = millimetres ? 210e3 : 210e9;
   std::set<std::string> of_sections;
   for (const auto& [set, name] : mesh.section_material) of_sections.insert(name);
+  std::string moduli;
+  std::size_t known = 0;
   for (const dynamics::MeshMaterial& m : mesh.materials)
-    if (of_sections.size() == 1 && m.name == *of_sections.begin() && m.young > 0) {
-      young = m.young;
-      material = fmt::format("# The material is that of the file: {}, Young's modulus {:g}.\n", m.name, m.young);
+    if (of_sections.contains(m.name) && m.young > 0) {
+      young = known++ == 0 ? m.young : std::min(young, m.young);
+      moduli += fmt::format("{}{} {:g}", moduli.empty() ? "" : ", ", m.name, m.young);
     }
+  if (known > 0 && known == of_sections.size())
+    material = fmt::format("# {} of the file. Young's modulus: {}.\n",
+                           known == 1 ? "The material is that" : "Materials are those", moduli);
   if (material.empty())
     material = fmt::format(
         "material = {{ young = {:g}, poisson = 0.3, density = {:g} }}  # of steel in {}; the file states none\n", young,
@@ -171,7 +176,7 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
   const bool weight =
       faces.pressed.empty() &&
       (material.front() != '#' || std::any_of(mesh.materials.begin(), mesh.materials.end(), [&](const auto& m) {
-         return m.name == *of_sections.begin() && m.density > 0;
+         return of_sections.contains(m.name) && m.density > 0;
        }));
   std::string sets;
   for (const auto& [name, list] : mesh.face_sets) sets += (sets.empty() ? "" : ", ") + name;

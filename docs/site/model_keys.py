@@ -100,6 +100,7 @@ SECTIONS = (
     ("[forces.NAME]", "read_joints.cpp", "read_force", (), (("Forces", "type"), ("Expressions", "key"))),
     ("Springs", "read_joints.cpp", "read_spring", (), (("Expressions", "key"),)),
     ("Force guide", "read_joints.cpp", "read_guide", (), (("Forces", "type"),)),
+    ("Loads on a body", "read_joints.cpp", "read_body_load", (), (("Forces", "type"),)),
     ("Force cable", "read_joints.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
     ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
     ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),

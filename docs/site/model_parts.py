@@ -54,7 +54,8 @@ PARTS = {
         **{t: (f"read_spring read_force {_FRAMES}", _TWO + "stiffness damping rest preload actuator", "")
            for t in ("spring", "axial-spring", "rotational-spring")},
         "bushing": (f"read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
-        "load": ("read_force read_frames", "type a force moment factor follower active", "a"),
+        "load": ("read_force read_frames read_body_load", "type a force moment factor follower active body element_set acceleration"
+                 " force_density angular_velocity point", ""),
         "line-load": ("read_force read_where read_nodes read_along", "type body node near face nodes along edge radius bore force moment factor follower active", "body"),
         "pressure": ("read_force", "type body face pressure active", "body face pressure"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"

@@ -44,17 +44,19 @@ class Parts:
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
 
-        type "cable" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, material as above):
-        start: list of three numbers [length], needed
-        end: list of three numbers [length], needed
-        elements: whole number, default 10
+        type "cable" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, element_set, material
+            as above):
+        mesh: {...}
         radius: number > 0 [length]
+        start: list of three numbers [length]
+        end: list of three numbers [length]
+        elements: whole number, default 10
         axial: number > 0 [force]
         bending: number [force length^2]
         mass_per_length: number > 0 [mass/length]
 
-        type "beam" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, elements, radius,
-            material as above):
+        type "beam" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, mesh, radius, elements,
+            element_set, material as above):
         points: list of points [length]. the smooth curve through the points (a cubic spline)
         start: list of three numbers [length]. straight
         end: list of three numbers [length]. straight
@@ -79,9 +81,8 @@ class Parts:
         inertia_y: number > 0 [mass length]. rho Iz, rho Iy
         inertia_z: number > 0 [mass length]. rho Iz, rho Iy
 
-        type "shell" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, element_set, material
-            as above):
-        mesh: {...}
+        type "shell" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, mesh, element_set,
+            material as above):
         origin: list of three numbers [length], default [0, 0, 0]
         x: list of three numbers [length]
         y: list of three numbers [length]
@@ -261,15 +262,37 @@ class Parts:
         angular_stiffness: list of three numbers [force length/angle], default [0, 0, 0]
         angular_damping: list of three numbers [force length time/angle], default [0, 0, 0]
 
-        type "load" (active as above):
-        a: a marker's name or a table, needed
+        type "load" (a, active as above):
         force: three numbers or expressions [force]. each component a number or an expression
         moment: three numbers or expressions [force length]. each component a number or an expression
         factor: expression. each component a number or an expression
         follower: true or false, default false
+        body: text
+        element_set: text
+        acceleration: list of three numbers [length/time^2], default [0, 0, 0]
+        force_density: list of three numbers [force/length^3], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        point: list of three numbers [length], default [0, 0, 0]
 
-        type "pressure" (active as above):
+        type "line-load" (factor, follower, active as above):
         body: text, needed
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
+        near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
+        face: text
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+        edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
+            (where s or t is 0 or 1), or ["x0", "y1"], a corner
+        radius: number > 0 [length]
+        bore: {point, axis, radius, length}. solids: { point, axis, radius, length }, the outer faces on a cylinder
+            (mesh coordinates), for meshes without face sets
+        force: three numbers or expressions [force/length]. each component a number or an expression
+        moment: three numbers or expressions [force]. each component a number or an expression
+
+        type "pressure" (body, active as above):
         face: text, needed
         pressure: expression [force/length^2], needed. on a face set of a solid, positive towards it
 
@@ -313,6 +336,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -351,6 +376,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -391,6 +418,7 @@ class Parts:
 
         shape "faces" (body as above):
         set: text. of faces: a face set of the solid's mesh
+        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
 
         shape "sprocket" (body, point, axis, rotation as above):
         teeth: whole number, default 17. of a sprocket for a roller chain: number of teeth (6 to 10,000), pitch of the
@@ -409,8 +437,7 @@ class Parts:
             chain, radius of its rollers, width along the axis, height of the tips over the pitch circle in roller
             diameters
 
-        shape "line" (body, radius as above):
-        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
+        shape "line" (body, radius, divisions as above)
         """
         return self.part("surfaces", name, {"shape": shape, **keys})
 
@@ -478,6 +505,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]

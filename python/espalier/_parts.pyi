@@ -252,7 +252,7 @@ class Bore(TypedDict, total=False):
     length: Number
 
 
-Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str | Items[Whole], "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
+Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str | Items[Whole], "along": Numbers, "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
 """A marker in line.
     same_as: text. another marker's name, instead of all the rest
     name: text
@@ -273,6 +273,8 @@ Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": 
     face: text. solids: a face set, held as attach says
     nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a list of
         labels as of node: [31, 90]. The frame is at their mean
+    along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0 at
+        the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
     edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
         (where s or t is 0 or 1), or ["x0", "y1"], a corner
     radius: number > 0 [length]
@@ -324,8 +326,7 @@ class Friction(TypedDict, total=False):
     bending_arm: number > 0 [length]. lever arms
     torsion_arm: number > 0 [length]. lever arms
     collar_radius: number >= 0 [length], default 0. lever arms
-    viscous: number >= 0 [force length time/angle or force time/length], default 0. force per speed, moment per
-        angular speed
+    viscous: number >= 0 [force length time/angle], default 0. force per speed, moment per angular speed
     angular_viscous: number >= 0 [force length time/angle], default 0. force per speed, moment per angular speed
     """
 
@@ -578,10 +579,11 @@ class Parts:
         """
     @overload
     def body(
-        self, name: str, /, type: Literal["cable"], *, start: Vector, end: Vector, gravity: Vector = ..., position:
-        Vector = ..., rotation: Vector | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ...,
-        damping: Damping = ..., reduce: Reduction = ..., elements: Whole = ..., radius: Number = ..., axial: Number =
-        ..., bending: Number = ..., mass_per_length: Number = ..., material: str | Material = ...
+        self, name: str, /, type: Literal["cable"], *, gravity: Vector = ..., position: Vector = ..., rotation: Vector
+        | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping = ..., reduce:
+        Reduction = ..., mesh: Mesh = ..., radius: Number = ..., start: Vector = ..., end: Vector = ..., elements:
+        Whole = ..., axial: Number = ..., bending: Number = ..., mass_per_length: Number = ..., element_set: str =
+        ..., material: str | Material = ...
     ) -> str:
         """Adds [bodies.NAME], type "cable", and returns the name.
 
@@ -594,13 +596,15 @@ class Parts:
             mass = alpha, stiffness = beta } (Rayleigh), { loss_factor = 0.04 } (structural): damping.md
         reduce: {...}. { modes = 20 } or { frequency = 5e3 }: the body keeps a few shapes instead of all its nodes
             (reduced bodies)
-        start: list of three numbers [length], needed
-        end: list of three numbers [length], needed
-        elements: whole number, default 10
+        mesh: {...}
         radius: number > 0 [length]
+        start: list of three numbers [length]
+        end: list of three numbers [length]
+        elements: whole number, default 10
         axial: number > 0 [force]
         bending: number [force length^2]
         mass_per_length: number > 0 [mass/length]
+        element_set: text. only these elements of the mesh
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
         """
     @overload
@@ -608,11 +612,11 @@ class Parts:
         self, name: str, /, type: Literal["beam"], *, gravity: Vector = ..., position: Vector = ..., rotation: Vector
         | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping = ..., reduce:
         Reduction = ..., points: Points = ..., start: Vector = ..., end: Vector = ..., direction: Vector = ...,
-        length: Number = ..., curvature: Vector = ..., elements: Whole = ..., y: Vector = ..., radius: Number = ...,
-        height: Number = ..., width: Number = ..., axial: Number = ..., shear_y: Number = ..., shear_z: Number = ...,
-        torsion: Number = ..., bending_y: Number = ..., bending_z: Number = ..., section_normal: Number = ...,
-        section_shear: Number = ..., mass_per_length: Number = ..., inertia_y: Number = ..., inertia_z: Number = ...,
-        material: str | Material = ...
+        length: Number = ..., curvature: Vector = ..., mesh: Mesh = ..., y: Vector = ..., radius: Number = ...,
+        height: Number = ..., width: Number = ..., elements: Whole = ..., axial: Number = ..., shear_y: Number = ...,
+        shear_z: Number = ..., torsion: Number = ..., bending_y: Number = ..., bending_z: Number = ...,
+        section_normal: Number = ..., section_shear: Number = ..., mass_per_length: Number = ..., inertia_y: Number =
+        ..., inertia_z: Number = ..., element_set: str = ..., material: str | Material = ...
     ) -> str:
         """Adds [bodies.NAME], type "beam", and returns the name.
 
@@ -634,11 +638,12 @@ class Parts:
             a helix, a twisted straight beam
         curvature: list of three numbers [angle/length or 1/length]. constant curvature in radians per length, about
             the axes of the section: an arc, a helix, a twisted straight beam
-        elements: whole number, default 10
+        mesh: {...}
         y: list of three numbers
         radius: number > 0 [length]
         height: number > 0 [length]
         width: number > 0 [length]
+        elements: whole number, default 10
         axial: number > 0 [force]. E A
         shear_y: number > 0 [force]. k G A
         shear_z: number > 0 [force]. k G A
@@ -650,6 +655,7 @@ class Parts:
         mass_per_length: number > 0 [mass/length]. rho A
         inertia_y: number > 0 [mass length]. rho Iz, rho Iy
         inertia_z: number > 0 [mass length]. rho Iz, rho Iy
+        element_set: text. only these elements of the mesh
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
         """
     @overload
@@ -1507,14 +1513,50 @@ class Parts:
         """
     @overload
     def force(
-        self, name: str, /, type: Literal["load"], *, a: str | Frame, force: Vector = ..., moment: Vector = ...,
-        factor: Number = ..., follower: bool = ..., active: bool = ...
+        self, name: str, /, type: Literal["load"], *, a: str | Frame = ..., force: Vector = ..., moment: Vector = ...,
+        factor: Number = ..., follower: bool = ..., active: bool = ..., body: str = ..., element_set: str = ...,
+        acceleration: Vector = ..., force_density: Vector = ..., angular_velocity: Vector = ..., point: Vector = ...
     ) -> str:
         """Adds [forces.NAME], type "load", and returns the name.
 
-        a: a marker's name or a table, needed
+        a: a marker's name or a table
         force: three numbers or expressions [force]. each component a number or an expression
         moment: three numbers or expressions [force length]. each component a number or an expression
+        factor: expression. each component a number or an expression
+        follower: true or false, default false
+        active: true or false, default true
+        body: text
+        element_set: text
+        acceleration: list of three numbers [length/time^2], default [0, 0, 0]
+        force_density: list of three numbers [force/length^3], default [0, 0, 0]
+        angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
+        point: list of three numbers [length], default [0, 0, 0]
+        """
+    @overload
+    def force(
+        self, name: str, /, type: Literal["line-load"], *, body: str, node: Whole = ..., near: Vector = ..., face: str
+        = ..., nodes: str | Items[Whole] = ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore:
+        Bore = ..., force: Vector = ..., moment: Vector = ..., factor: Number = ..., follower: bool = ..., active:
+        bool = ...
+    ) -> str:
+        """Adds [forces.NAME], type "line-load", and returns the name.
+
+        body: text, needed
+        node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
+            counted from 1, -1 the last
+        near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
+        face: text
+        nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
+            list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+        edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
+            (where s or t is 0 or 1), or ["x0", "y1"], a corner
+        radius: number > 0 [length]
+        bore: {point, axis, radius, length}. solids: { point, axis, radius, length }, the outer faces on a cylinder
+            (mesh coordinates), for meshes without face sets
+        force: three numbers or expressions [force/length]. each component a number or an expression
+        moment: three numbers or expressions [force]. each component a number or an expression
         factor: expression. each component a number or an expression
         follower: true or false, default false
         active: true or false, default true
@@ -1617,8 +1659,8 @@ class Parts:
         """
     def support(
         self, name: str, /, *, body: str, node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str |
-        Items[Whole] = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., hold: Texts = ..., symmetry:
-        str | Vector = ..., rotation: Vector | Rotation = ..., motion: Displacements = ...
+        Items[Whole] = ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., hold:
+        Texts = ..., symmetry: str | Vector = ..., rotation: Vector | Rotation = ..., motion: Displacements = ...
     ) -> str:
         """Adds [supports.NAME], and returns the name.
 
@@ -1629,6 +1671,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1656,8 +1700,8 @@ class Parts:
         """
     def tie(
         self, name: str, /, *, body: str, to: Mapping[str, Any], node: Whole = ..., near: Vector = ..., face: str =
-        ..., nodes: str | Items[Whole] = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., tolerance:
-        Number = ...
+        ..., nodes: str | Items[Whole] = ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore:
+        Bore = ..., tolerance: Number = ...
     ) -> str:
         """Adds [ties.NAME], and returns the name.
 
@@ -1668,6 +1712,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1761,11 +1807,14 @@ class Parts:
         rotation: rotation [angle]. of the shape's axes in those of the body
         """
     @overload
-    def surface(self, name: str, /, shape: Literal["faces"], *, body: str, set: str = ...) -> str:
+    def surface(
+        self, name: str, /, shape: Literal["faces"], *, body: str, set: str = ..., divisions: Whole = ...
+    ) -> str:
         """Adds [surfaces.NAME], shape "faces", and returns the name.
 
         body: text, needed. a rigid body or ground
         set: text. of faces: a face set of the solid's mesh
+        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
         """
     @overload
     def surface(
@@ -1857,8 +1906,8 @@ class Parts:
     def marker(
         self, name: str, /, *, same_as: str = ..., body: str = ..., global_: bool = ..., point: Vector = ..., axis:
         Vector = ..., x_axis: Vector = ..., rotation: Vector | Rotation = ..., attach: Literal["mean", "rigid"] = ...,
-        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., edge: Texts = ...,
-        radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
+        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., along: Numbers = ...,
+        edge: Texts = ..., radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
     ) -> str:
         """Adds [markers.NAME], and returns the name.
 
@@ -1880,6 +1929,8 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
+            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]

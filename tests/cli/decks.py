@@ -45,6 +45,14 @@ class Block:
         chosen = [e for e, nodes in enumerate(self.elements, first_element) if sum(test(*self.nodes[n]) for n in nodes) >= 4]
         return "".join(f"{e}, {face}\n" for e in chosen)
 
+    def outer(self, end):
+        """S-faces whose corners are all in a set of nodes."""
+        corners = {"S1": (0, 1, 2), "S2": (0, 3, 1), "S3": (1, 3, 2), "S4": (2, 3, 0)}
+        if not self.kind in ("C3D4", "C3D10"):
+            corners = {"S1": (0, 1, 2, 3), "S2": (4, 7, 6, 5), "S3": (0, 4, 5, 1), "S4": (1, 5, 6, 2), "S5": (2, 6, 7, 3), "S6": (3, 7, 4, 0)}
+        return "".join(f"{e}, {name}\n" for e, nodes in enumerate(self.elements, 1) for name, face in corners.items()
+                       if all(nodes[a] in end for a in face))
+
     def text(self, elset, first_element=1):
         lines = ["*NODE"] + [f"{label}, " + ", ".join(f"{x:.17g}" for x in p) for label, p in self.nodes.items()]
         lines.append(f"*ELEMENT, TYPE={self.kind}, ELSET={elset}")
@@ -111,13 +119,59 @@ def rigid(kind):
             "*STEP\n*STATIC\n*CLOAD\n9001, 3, -300.\n9001, 1, 100.\n9002, 1, 30.\n9002, 2, -10.\n" + END)
 
 
-def coupling(kind, how):
+def coupling(kind, how, bend=as_it_is):
     """A face that follows its reference node, as one rigid piece or in the mean."""
-    b = Block(kind, (0.1, 0.06, 0.04), (4, 2, 2))
-    face = "*SURFACE, NAME=END, TYPE=ELEMENT\n" + b.faces("S4", 1, lambda x, y, z: x > 0.1 - NEAR)
+    b = Block(kind, (0.1, 0.06, 0.04), (4, 2, 2), bend=bend)
+    end = set(b.where(lambda x, y, z: x > 0.1 * (1 + 4 * y) - NEAR if bend is tapered else x > 0.1 - NEAR))
+    face = "*SURFACE, NAME=END, TYPE=ELEMENT\n" + b.outer(end)
     return (clamped(b, "*NODE\n9001, 0.15, 0.02, 0.02\n") + face +
-            f"*COUPLING, REF NODE=9001, SURFACE=END, CONSTRAINT NAME=C\n*{how}\n1, 3\n*BOUNDARY\nFIX, 1, 3\n" +
-            "*STEP\n*STATIC\n*CLOAD\n9001, 3, -300.\n9001, 1, 100.\n" + ("9001, 4, 30.\n" if how == "KINEMATIC" else "") + END)
+            f"*COUPLING, REF NODE=9001, SURFACE=END, CONSTRAINT NAME=C\n*{how.split()[0]}\n1, {6 if 'TURNED' in how else 3}\n*BOUNDARY\nFIX, 1, 3\n" +
+            "*STEP\n*STATIC\n*CLOAD\n9001, 3, -300.\n9001, 1, 100.\n" + ("" if how == "DISTRIBUTING" else "9001, 4, 30.\n") + END)
+
+
+TWO = ("*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850\n*MATERIAL, NAME=RESIN\n*ELASTIC\n3e9, 0.4\n*DENSITY\n1200\n"
+       "*SOLID SECTION, ELSET=LOWER, MATERIAL=STEEL\n*SOLID SECTION, ELSET=UPPER, MATERIAL=RESIN\n")
+
+
+def layers(kind, bend=as_it_is):
+    """A bar of two layers, clamped, and its steps' begin; the sets LOWER and UPPER are its elements."""
+    b = Block(kind, (0.2, 0.05, 0.04), (6, 2, 2), bend=bend)
+    height = [sum(b.nodes[n][2] for n in nodes) / len(nodes) for nodes in b.elements]
+    t = b.text("PART") + nset("ALL", b.nodes) + nset("FIX", b.where(lambda x, y, z: x < NEAR))
+    for name, chosen in (("LOWER", lambda z: z < 0.02), ("UPPER", lambda z: z >= 0.02)):
+        t += nset(name, [e for e, z in enumerate(height, 1) if chosen(z)]).replace("NSET", "ELSET")
+    return b, t + TWO + "*BOUNDARY\nFIX, 1, 3\n"
+
+
+def materials(kind):
+    """Two layers of different materials and weights, and forces on the volume of one."""
+    b, t = layers(kind, bend=lambda p: [p[0] * (1 + 4 * p[1]), p[1] * (1 - 1.5 * p[0]), p[2]] if kind != "C3D10" else p)
+    return (t + f"*STEP\n*STATIC\n*CLOAD\n{b.labels[(12, 4, 4)]}, 3, -20.\n*DLOAD\nLOWER, GRAV, 9.81, 0., 0., -1.\n" +
+            "UPPER, GRAV, 40., 0.6, 0., 0.8\nPART, GRAV, 3., 0., 1., 0.\nUPPER, BY, 2.e4\nLOWER, BX, -1.e5\n" + END)
+
+
+def materials_modes(kind):
+    """Frequencies of two layers."""
+    return layers(kind)[1] + "*STEP\n*FREQUENCY\n6\n*END STEP\n"
+
+
+def spin(kind, masses=False):
+    """Two layers, and masses, that turn about a skew axis."""
+    b, t = layers(kind)
+    where = "PART"
+    if masses:
+        t = (t.replace("*BOUNDARY", f"*ELEMENT, TYPE=MASS, ELSET=M\n901, {b.labels[(12, 4, 4)]}\n902, {b.labels[(12, 0, 0)]}\n*MASS, ELSET=M\n0.7\n"
+                       "*ELSET, ELSET=BOTH\nPART, M\n*BOUNDARY"))
+        where = "BOTH"
+    return t + f"*STEP\n*STATIC\n*DLOAD\n{where}, CENTRIF, 250000., 0., 0.01, 0., 0., 0.6, 0.8\n" + END
+
+
+def mpc(kind):
+    """Nodes that stay in a plane, on a line, at a distance; under small forces, since CalculiX iterates."""
+    b = Block(kind, (0.1, 0.06, 0.04), (4, 2, 2), bend=tapered)
+    c = [b.labels[p] for p in ((8, 0, 0), (8, 4, 0), (8, 0, 4), (8, 4, 4), (4, 0, 0), (4, 0, 4), (4, 0, 2), (4, 4, 0), (2, 4, 4))]
+    return (clamped(b) + f"*MPC\nPLANE, {c[0]}, {c[1]}, {c[2]}, {c[3]}\n*MPC\nSTRAIGHT, {c[4]}, {c[5]},\n{c[6]}\n*MPC\nBEAM, {c[7]}, {c[8]}\n" +
+            f"*BOUNDARY\nFIX, 1, 3\n*STEP\n*STATIC\n*CLOAD\n{c[0]}, 1, -0.2\n{c[3]}, 1, 0.7\n{c[6]}, 3, 0.5\n{c[6]}, 1, 0.3\n{c[8]}, 2, 0.3\n" + END)
 
 
 def modes(kind, light=False):
@@ -148,6 +202,16 @@ DECKS = {"loads C3D4": lambda: loads("C3D4"), "loads C3D10": lambda: loads("C3D1
          "rigid C3D20R": lambda: rigid("C3D20R"), "rigid C3D4": lambda: rigid("C3D4"),
          "kinematic C3D20R": lambda: coupling("C3D20R", "KINEMATIC"),
          "distributing C3D8": lambda: coupling("C3D8", "DISTRIBUTING"),
+         "distributing C3D8 tapered": lambda: coupling("C3D8", "DISTRIBUTING", tapered),
+         "distributing C3D10": lambda: coupling("C3D10", "DISTRIBUTING TURNED"),
+         "distributing C3D20": lambda: coupling("C3D20", "DISTRIBUTING TURNED"),
+         "distributing C3D20R": lambda: coupling("C3D20R", "DISTRIBUTING TURNED", tapered),
+         "materials C3D8": lambda: materials("C3D8"), "materials C3D10": lambda: materials("C3D10"),
+         "materials C3D20": lambda: materials("C3D20"), "materials C3D20R": lambda: materials("C3D20R"),
+         # Centrifugal forces of others are integrated at fewer points there: 4e-3 (C3D4) of the displacement, on coarse meshes.
+         "spin C3D8": lambda: spin("C3D8"), "spin C3D20": lambda: spin("C3D20"), "spin C3D20R": lambda: spin("C3D20R"),
+         "spin with masses": lambda: spin("C3D20", True), "mpc C3D8": lambda: mpc("C3D8"), "mpc C3D20": lambda: mpc("C3D20"),
+         "modes of materials C3D20": lambda: materials_modes("C3D20"),
          "polar C3D20": lambda: polar("C3D20"), "polar C3D20R": lambda: polar("C3D20R"),
          # Masses of other kinds are integrated at other points there: 2e-4 (C3D20R), 3e-5 (C3D10), 9e-3 (C3D4) of a frequency.
          "modes C3D20": lambda: modes("C3D20"), "modes light C3D4": lambda: modes("C3D4", True),

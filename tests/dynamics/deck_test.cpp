@@ -6,50 +6,15 @@
 
 #include <cmath>
 
-#include "dynamics/bodies/rotation.hpp"
-#include "mesh_files.hpp"
-#include "model_common.hpp"
+#include "deck_bar.hpp"
 
 namespace espalier::dynamics {
 namespace {
 
-/// A bar of two cubes along x, Young's modulus 1000, no Poisson's ratio, density 2. Nodes 1 to 3 along x, 11 beside
-/// them in y, 21 above; the ends are X0 (1, 11, 21, 31) and X2 (3, 13, 23, 33).
-const std::string kBar =
-    "*NODE\n1,0,0,0\n3,2,0,0\n*NGEN, NSET=EDGE\n1,3\n*NCOPY, CHANGE NUMBER=10, OLD SET=EDGE, NEW SET=SIDE, SHIFT\n"
-    "0,1,0\n0,0,0, 0,0,1, 0\n*NSET, NSET=LOWER\nEDGE, SIDE\n*NCOPY, CHANGE NUMBER=20, OLD SET=LOWER, SHIFT\n0,0,1\n"
-    "0,0,0, 0,0,1, 0\n*ELEMENT, TYPE=C3D8, ELSET=BAR\n1, 1,2,12,11, 21,22,32,31\n2, 2,3,13,12, 22,23,33,32\n"
-    "*NSET, NSET=X0\n1,11,21,31\n*NSET, NSET=X2\n3,13,23,33\n"
-    "*MATERIAL, NAME=M\n*ELASTIC\n1000., 0.\n*DENSITY\n2.\n*SOLID SECTION, ELSET=BAR, MATERIAL=M\n";
-const std::string kClamp = "*BOUNDARY\nX0, 1, 3\n";
-const std::string kStatic = "*STEP\n*STATIC\n";
-
-class Decks : public test::MeshFiles {
- protected:
-  /// Runs a deck as it is.
-  Simulation run(const std::string& deck) {
-    Simulation s;
-    Status status = s.load(write("bar.inp", deck));
-    if (status.ok()) status = s.run();
-    EXPECT_TRUE(status.ok()) << status.message << "\n" << deck;
-    return s;
-  }
-  /// Displacement of a node of the last deck that was written.
-  Vec3 moved(const Simulation& s, int label) const {
-    Mesh mesh = read_mesh((folder_ / "bar.inp").string());
-    mesh.drop_unused_nodes();
-    const auto at = std::find(mesh.node_labels.begin(), mesh.node_labels.end(), label) - mesh.node_labels.begin();
-    const SimulationFrame frame = s.frame();
-    return Eigen::Map<const Vec3>(frame.displacement.data() + 3 * at);
-  }
-  void refused(const std::string& deck, const std::vector<std::string>& says) {
-    Simulation s;
-    const Status status = s.load(write("bar.inp", deck));
-    ASSERT_FALSE(status.ok()) << deck;
-    for (const std::string& part : says)
-      EXPECT_NE(status.message.find(part), std::string::npos) << status.message << "\n" << deck;
-  }
-};
+using test::kBar;
+using test::kClamp;
+using test::kStatic;
+class Decks : public test::DeckBar {};
 
 // u = F l / (E A) = 4 * 2 / 1000.
 TEST_F(Decks, ForcesAndSupports) {
@@ -73,7 +38,6 @@ TEST_F(Decks, Gravity) {
     const Simulation s = run(kBar + kClamp + kStatic + "*DLOAD\n" + set + ", GRAV, 5., 2., 0., 0.\n");
     EXPECT_NEAR(moved(s, 3).x(), 0.02, 1e-14);
   }
-  refused(kBar + kClamp + kStatic + "*DLOAD\n1, GRAV, 5., 1., 0., 0.\n", {"bar.inp:", "the same for all solids"});
 }
 
 // Masses have their weight where the set of the load has them: 4 * 0.5 kg at the end draw with 10 N, E A / l = 500; so
@@ -180,7 +144,7 @@ TEST_F(Decks, WhatIsRefused) {
   const std::string held = kBar + kClamp;
   refused(held + "*STEP\n*BUCKLE\n3\n", {"bar.inp:", "*BUCKLE"});
   refused(held + "*STEP\n*MODAL DYNAMIC\n0.1, 1.\n", {"*MODALDYNAMIC (1)", "take = ["});
-  refused(held + kStatic + "*DLOAD\nBAR, CENTRIF, 1., 0,0,0, 0,0,1.\n", {"*DLOAD CENTRIF", "\"boundary\", \"cload\""});
+  refused(held + kStatic + "*DLOAD\nBAR, ROTA, 1., 0,0,0, 0,0,1.\n", {"*DLOAD ROTA", "\"boundary\", \"cload\""});
   refused(held + "*CONTACT PAIR, INTERACTION=I\nA, B\n" + kStatic, {"*CONTACTPAIR"});
   refused(held + "*NODE\n8,5,5,5\n9,6,6,6\n*ELEMENT, TYPE=T3D2, ELSET=T\n7,8,9\n" + kStatic, {"elements T3D2"});
   refused(held + kStatic + "*CLOAD\nNOWHERE, 1, 1.\n", {"bar.inp:32: *CLOAD: node set NOWHERE is not defined"});

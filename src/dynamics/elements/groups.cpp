@@ -14,6 +14,7 @@
 #include "dynamics/elements/hex8_block.hpp"
 #include "dynamics/elements/solid.hpp"
 #include "dynamics/elements/solid_block.hpp"
+#include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -55,6 +56,7 @@ class SolidGroup final : public ElementGroup {
     return hex8_.evaluate(hexahedra_, in, out);
   }
   [[nodiscard]] const DeviceLaw* device_law() const override { return &law_; }
+  [[nodiscard]] const Material& material() const { return material_; }
   void mass(Index, const double* reference, double* m) const override {
     solid_mass(type_, material_.density, reference, m);
   }
@@ -295,19 +297,33 @@ std::vector<SmallestJacobian> smallest_jacobians(const Mesh& mesh, std::span<con
 std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
                                                              const Material& material, const SolidOptions& options,
                                                              base::ThreadPool* pool) {
-  check_material(material);
+  return make_solid_groups(mesh, elements, ElementMaterials{{material}}, options, pool);
+}
+
+std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, std::span<const Index> elements,
+                                                             const ElementMaterials& materials,
+                                                             const SolidOptions& options, base::ThreadPool* pool) {
+  for (const Material& material : materials.list) check_material(material);
   const std::vector<Index> chosen = all_if_empty(mesh, elements);
   check_elements(mesh, chosen, pool);
-  std::array<std::unique_ptr<SolidGroup>, kElementTypes> by_type;
+  std::vector<std::array<std::unique_ptr<SolidGroup>, kElementTypes>> made(materials.list.size());
   for (const Index e : chosen) {
-    auto& group = by_type[static_cast<std::size_t>(mesh.type(e))];
+    const Material& material = materials.at(e);
+    auto& group =
+        made[static_cast<std::size_t>(&material - materials.list.data())][static_cast<std::size_t>(mesh.type(e))];
     if (!group) group = std::make_unique<SolidGroup>(mesh.type(e), material, options);
     group->add(mesh.element(e), mesh.element_label(e));
   }
   std::vector<std::unique_ptr<ElementGroup>> groups;
-  for (auto& group : by_type)
-    if (group) groups.push_back(std::move(group));
+  for (auto& of_material : made)
+    for (auto& group : of_material)
+      if (group) groups.push_back(std::move(group));
   return groups;
+}
+
+const Material* material_of(const ElementGroup& group) {
+  const auto* solid = dynamic_cast<const SolidGroup*>(&group);
+  return solid == nullptr ? nullptr : &solid->material();
 }
 
 std::string corner_folds(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool) {

@@ -1,5 +1,7 @@
 #include "dynamics/mesh/face_functions.hpp"
 
+#include <cmath>
+
 namespace espalier::dynamics {
 
 FaceFunctions face_functions(ElementType type, double r, double s) {
@@ -41,6 +43,44 @@ FaceFunctions face_functions(ElementType type, double r, double s) {
     f.s[4 + a] = -s * x;
   }
   return f;
+}
+
+namespace {
+
+struct FacePoint {
+  double r, s, weight;
+};
+constexpr double kFaceGauss = 0.7745966692414834;  // sqrt(3 / 5)
+/// Gauss's 3 x 3 points, and the three of a triangle that are exact to second order.
+constexpr FacePoint kQuadPoints[] = {
+    {-kFaceGauss, -kFaceGauss, 25.0 / 81}, {0, -kFaceGauss, 40.0 / 81}, {kFaceGauss, -kFaceGauss, 25.0 / 81},
+    {-kFaceGauss, 0, 40.0 / 81},           {0, 0, 64.0 / 81},           {kFaceGauss, 0, 40.0 / 81},
+    {-kFaceGauss, kFaceGauss, 25.0 / 81},  {0, kFaceGauss, 40.0 / 81},  {kFaceGauss, kFaceGauss, 25.0 / 81}};
+constexpr FacePoint kTrianglePoints[] = {
+    {1.0 / 6, 1.0 / 6, 1.0 / 6}, {2.0 / 3, 1.0 / 6, 1.0 / 6}, {1.0 / 6, 2.0 / 3, 1.0 / 6}};
+
+}  // namespace
+
+std::map<Index, double> area_weights(const Mesh& mesh, std::span<const MeshFace> faces) {
+  std::map<Index, double> weights;
+  for (const MeshFace& face : faces) {
+    const std::vector<Index> nodes = mesh.face_nodes(face);
+    const ElementType type = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)].type;
+    const bool triangle = shape_of(type).corners == 3;
+    for (const FacePoint& point : triangle ? std::span<const FacePoint>(kTrianglePoints) : kQuadPoints) {
+      const FaceFunctions f = face_functions(type, point.r, point.s);
+      Point r{}, s{};
+      for (std::size_t a = 0; a < nodes.size(); ++a)
+        for (std::size_t d = 0; d < 3; ++d) {
+          r[d] += f.r[a] * mesh.nodes[static_cast<std::size_t>(nodes[a])][d];
+          s[d] += f.s[a] * mesh.nodes[static_cast<std::size_t>(nodes[a])][d];
+        }
+      const double area =
+          point.weight * std::hypot(r[1] * s[2] - r[2] * s[1], r[2] * s[0] - r[0] * s[2], r[0] * s[1] - r[1] * s[0]);
+      for (std::size_t a = 0; a < nodes.size(); ++a) weights[nodes[a]] += area * f.n[a];
+    }
+  }
+  return weights;
 }
 
 }  // namespace espalier::dynamics

@@ -3,6 +3,8 @@
 #pragma once
 
 #include <array>
+#include <map>
+#include <span>
 
 #include "dynamics/mesh/mesh.hpp"
 
@@ -13,5 +15,9 @@ struct FaceFunctions {
   std::array<double, 8> n{}, r{}, s{};
 };
 [[nodiscard]] FaceFunctions face_functions(ElementType type, double r, double s);
+
+/// The integral of each node's shape function over faces, by node. At corners of faces of second order it may be 0 or
+/// negative.
+[[nodiscard]] std::map<Index, double> area_weights(const Mesh& mesh, std::span<const MeshFace> faces);
 
 }  // namespace espalier::dynamics

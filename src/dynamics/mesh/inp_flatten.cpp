@@ -120,6 +120,7 @@ class Flattener final : public InpLookup {
     if (!model_.is_deck)
       note("keywords that were passed over; take = \"all\" beside the file takes supports, loads and steps over",
            model_.passed_keywords);
+    mesh_.notices.insert(mesh_.notices.end(), model_.notices.begin(), model_.notices.end());
     note("elements with more nodes than their type has, those behind are left out", model_.long_elements);
     note("continuum shells are read as solids; they bend well with hex8 = \"shell\"", model_.solid_shells);
   }
@@ -311,8 +312,14 @@ class Flattener final : public InpLookup {
         if (!instance.empty()) append(mesh_.node_sets[instance + "." + surface.spelling], members);
       }
       for (const auto& [key, surface] : scope->surfaces) add_surface(space, surface);
-      for (const auto& [key, material] : scope->section_material)
-        mesh_.section_material[spelling(element_names_, key)] = material_name(material);
+      // Sets of several instances have the same names.
+      for (const auto& [key, material] : scope->section_material) {
+        const auto set = scope->element_sets.find(key);
+        const std::string name = instance.empty() || set == scope->element_sets.end()
+                                     ? spelling(element_names_, key)
+                                     : instance + "." + set->second.spelling;
+        mesh_.section_material[name] = material_name(material);
+      }
     }
   }
 

@@ -79,6 +79,7 @@ struct InpModel {
   std::vector<MeshMaterial> materials;
   /// How many: elements by their types, keywords by their names, and solids that are read from continuum shells.
   std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
+  std::vector<std::string> notices{};         ///< of materials
   std::map<std::string, long> long_elements;  ///< with more nodes than their types have, by these
   /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of solids.
   bool is_deck = false;

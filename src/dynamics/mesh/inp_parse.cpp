@@ -94,9 +94,7 @@ class InpParser {
       reader.fail("*NMAP is not read; write the nodes out in full");
     else if (!is_idle_inp_keyword(k.name))
       pass_over(reader, k);
-    std::string_view skipped;
-    while (next_inp_data(reader, skipped)) {
-    }
+    skip(reader);
   }
 
   void pass_over(LineReader& reader, const InpKeyword& k) {
@@ -108,8 +106,12 @@ class InpParser {
     while (next_inp_data(reader, line)) card.lines.emplace_back(reader.line(), line);
   }
   InpCard& add_card(const LineReader& reader, const InpKeyword& k) {
-    return model_.cards.emplace_back(
-        InpCard{k, {reader.path(), reader.line()}, {}, in_part_ || in_instance_ ? scope().name : "", model_.steps});
+    return model_.cards.emplace_back(InpCard{k,
+                                             {reader.path(), reader.line()},
+                                             {},
+                                             in_part_ || in_instance_ ? scope().name : "",
+                                             model_.steps,
+                                             model_.materials.empty() ? "" : model_.materials.back().name});
   }
 
   void begin_part(const std::string& name) {
@@ -192,11 +194,11 @@ class InpParser {
   }
 
   /// Elements that are no solids, surfaces or lines: masses, springs, connectors, rigid faces ...; what sets hold of
-  /// them is left out. A line that ends with a comma goes on in the next.
+  /// them is left out. A line that ends with a comma goes on in the next, but that of a connector to the ground.
   void passed_over(LineReader& reader, const InpKeyword& k, const std::string& name, InpSet* set) {
     InpCard* card = model_.is_deck ? &add_card(reader, k) : nullptr;
     std::string_view line;
-    for (bool goes_on = false; next_inp_data(reader, line); goes_on = trim(line).back() == ',') {
+    for (bool goes_on = false; next_inp_data(reader, line); goes_on = name != "CONN3D2" && trim(line).back() == ',') {
       if (card != nullptr && goes_on) card->lines.back().second += line;
       if (goes_on) continue;
       if (card != nullptr) card->lines.emplace_back(reader.line(), line);
@@ -256,18 +258,34 @@ class InpParser {
   void material(LineReader& reader, const InpKeyword& k) {
     if (model_.materials.empty()) reader.fail(fmt::format("{} stands before any *MATERIAL", k.name));
     MeshMaterial& m = model_.materials.back();
-    const std::string type = upper(k.get("TYPE"));
-    const bool isotropic = type.empty() || type == "ISO" || type == "ISOTROPIC";
+    const std::string type = upper(k.get("TYPE")), place = fmt::format("{}:{}", reader.path(), reader.line());
+    if (!type.empty() && type != "ISO" && type != "ISOTROPIC") {
+      model_.notices.push_back(
+          fmt::format("{}: material {}: {} TYPE={} is not taken; solids are isotropic", place, m.name, k.name, type));
+      if (model_.is_deck) add_card(reader, k);
+      return skip(reader);
+    }
+    const bool density = k.name == "*DENSITY";
+    double temperature = 0;
     std::string_view line;
-    for (bool first = true; next_inp_data(reader, line); first = false) {
-      if (!first || !isotropic) continue;  // further lines: other temperatures
+    int rows = 0;
+    for (; next_inp_data(reader, line); ++rows) {
+      if (rows > 0) continue;
       Fields fields(reader, line, ',');
-      if (k.name == "*DENSITY") {
-        m.density = fields.real("density");
-      } else {
-        m.young = fields.real("Young's modulus");
-        m.poisson = fields.real("Poisson's ratio");
-      }
+      (density ? m.density : m.young) = fields.real(density ? "density" : "Young's modulus");
+      if (!density) m.poisson = fields.real("Poisson's ratio");
+      read_inp_reals(fields, &temperature, 1);
+    }
+    if (rows > 1)  // as CalculiX does where a deck states no temperatures
+      model_.notices.push_back(
+          fmt::format("{}: material {}: {} has values for {} temperatures; those of the first, "
+                      "{:g}, are taken",
+                      place, m.name, k.name, rows, temperature));
+  }
+
+  static void skip(LineReader& reader) {
+    std::string_view skipped;
+    while (next_inp_data(reader, skipped)) {
     }
   }
 

@@ -4,12 +4,14 @@
 #include <stdexcept>
 
 #include "dynamics/bodies/modal_damping.hpp"
+#include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/line_loads.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
+#include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/element_notices.hpp"
 #include "dynamics/model/hold_joint.hpp"
@@ -221,6 +223,8 @@ class Builder {
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
+    } else if (given.type == ForceType::load && given.frames.empty()) {
+      add_body_load(given);
     } else if (given.type == ForceType::line_load) {
       add_line_load(given);
     } else if (given.type == ForceType::cable) {
@@ -260,6 +264,20 @@ class Builder {
       return;
     }
     frames_.unknown_body(f.body, f.place);
+  }
+
+  void add_body_load(const ForceSpec& f) {
+    const BuiltBody* body = out_.body(f.body);
+    if (body == nullptr) frames_.unknown_body(f.body, f.place);
+    if (!body->mesh || body->reduced != nullptr)
+      throw std::invalid_argument("body loads act on solids, which are not reduced");
+    const std::span<const Index> elements =
+        f.face.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.face));
+    const BodyLoadLaw law{f.linear_damping, f.linear, f.angular, f.start};
+    if (body->spec.massless && (!law.acceleration.isZero(0) || !law.spin.isZero(0)))
+      throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
+    auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);
+    out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(load))));
   }
 
   void add_line_load(const ForceSpec& f) {

@@ -12,6 +12,7 @@
 #include "dynamics/mesh/sides.hpp"
 #include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
+#include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/decks/taken.hpp"
 
@@ -56,6 +57,10 @@ Mesh mesh_of_deck(const MeshFile& file, const std::string& body) {
     sort_unique(nodes);
     mesh.node_sets[name] = std::move(nodes);
   }
+  for (auto& [name, elements] : taken.element_sets) {
+    sort_unique(elements);
+    mesh.element_sets[name] = std::move(elements);
+  }
   for (auto& [name, faces] : taken.face_sets) mesh.face_sets[name] = std::move(faces);
   mesh.notices.insert(mesh.notices.end(), taken.notices.begin(), taken.notices.end());
   return mesh;
@@ -71,39 +76,6 @@ Mesh load_mesh(const MeshFile& file, const std::string& body) {
   mesh.drop_unused_nodes();
   add_side_sets(mesh);
   return mesh;
-}
-
-/// What the mesh file states for the elements used, where that is one material.
-/// @param statics  without a density, too
-Material material_of(const Mesh& mesh, const SolidSpec& solid, bool statics, bool& massless) {
-  if (solid.material) return *solid.material;
-  std::string name;
-  if (const auto it = find_named(mesh.section_material, solid.element_set); it != mesh.section_material.end())
-    name = it->second;
-  if (name.empty() && !mesh.section_material.empty() &&
-      std::all_of(mesh.section_material.begin(), mesh.section_material.end(),
-                  [&](const auto& section) { return section.second == mesh.section_material.begin()->second; }))
-    name = mesh.section_material.begin()->second;
-  for (const MeshMaterial& m : mesh.materials)
-    if (m.name == name && m.young > 0 && (m.density > 0 || statics)) {
-      Material result;
-      result.young = m.young;
-      result.poisson = m.poisson;
-      massless = !(m.density > 0);
-      result.density = massless ? 1 : m.density;
-      return result;
-    }
-  std::string states = "states none";
-  if (name.empty() && !mesh.section_material.empty())
-    states = fmt::format("has {} sections and does not say which of them these elements are; name one by 'element_set'",
-                         mesh.section_material.size());
-  for (const MeshMaterial& m : mesh.materials)
-    if (m.name == name)
-      states = fmt::format("states '{}' without {}", name,
-                           m.young > 0     ? "a density"
-                           : m.density > 0 ? "Young's modulus"
-                                           : "Young's modulus and density");
-  throw Error(StatusCode::invalid_input, fmt::format("needs 'material': the mesh file {}", states));
 }
 
 /// The solids among elements that may be surfaces, lines and points too. Those that lie on the solids are sets alone
@@ -178,11 +150,15 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh = std::make_shared<Mesh>(file != nullptr ? load_mesh(*file, spec.name)
                                                      : make_part(std::get<MeshPart>(solid.mesh), pool));
-  out.material = material_of(*mesh, solid, statics, out.spec.massless);
   std::vector<Index> elements =
       solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));
   drop_others(*mesh, elements);
-  auto body = make_solid_body(spec.name, *mesh, out.material, solid.options, elements, &pool);
+  const ElementMaterials materials = solid_materials(*mesh, solid, elements, statics, out.spec.massless);
+  out.material = materials.list.front();
+  std::vector<double> reference;
+  for (const Point& p : mesh->nodes) reference.insert(reference.end(), p.begin(), p.end());
+  auto body = std::make_unique<FlexibleBody>(
+      spec.name, 1, std::move(reference), make_solid_groups(*mesh, elements, materials, solid.options, &pool), &pool);
   out.notices = mesh->notices;
   if (file != nullptr) {  // meshers refuse to make elements that are folded
     std::string folds = corner_folds(*mesh, elements, &pool);

@@ -28,8 +28,9 @@ Vec3 reference_node(const FlexibleBody& body, Index node) {
 
 /// In how many ways a marker says where on a flexible body it is.
 int ways_of(const MarkerSpec& m) {
-  return (m.node ? 1 : 0) + (m.along.empty() ? 0 : 1) + (m.near && m.face.empty() ? 1 : 0) + (m.face.empty() ? 0 : 1) +
-         (m.by_nodes() ? 1 : 0) + (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
+  const bool weighed = m.by_nodes() && m.attach == Attach::mean;  // the face says how much
+  return (m.node ? 1 : 0) + (m.along.empty() ? 0 : 1) + (m.near && m.face.empty() ? 1 : 0) +
+         (m.face.empty() || weighed ? 0 : 1) + (m.by_nodes() ? 1 : 0) + (m.bore ? 1 : 0) + (m.edge.empty() ? 0 : 1);
 }
 
 void check_ways(const MarkerSpec& m) {
@@ -121,6 +122,21 @@ std::vector<FrameVertex> centred_vertices(const FlexibleBody& body, const Mesh& 
   return vertices;
 }
 
+/// Where the text wants the mean to be, in mesh coordinates.
+std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
+  if (!m.point_given) return std::nullopt;
+  return m.global ? Vec3(body.spec.rotation.transpose() * (m.point - body.spec.position)) : m.point;
+}
+
+/// From the mean of nodes that carry a point beside it, in the axes of their frame.
+std::optional<Vec3> arm_of(const MarkerSpec& m, const BuiltBody& body, const FlexibleFrame& frame) {
+  if (!m.by_nodes() || !m.point_given || !frame.has_rotation()) return std::nullopt;
+  Vec3 mean = Vec3::Zero();
+  for (const FrameVertex& v : frame.vertices())
+    mean += v.weight * Eigen::Map<const Vec3>(body.flexible->reference().data() + 3 * v.vertex);
+  return Vec3(frame.axes().transpose() * (*wanted_mean(m, body) - mean));
+}
+
 /// The node at a share of the length of a beam or cable, or those between two.
 std::vector<Index> nodes_along(const MarkerSpec& m, const BuiltBody& body) {
   if (line_chains(body).empty() || line_file(body) != nullptr)
@@ -186,10 +202,12 @@ std::unique_ptr<Frame> FrameBuilder::make(const MarkerSpec& marker) const {
       frame = make_rigid(m, *body);
     } else if (body->flexible != nullptr) {
       std::unique_ptr<FlexibleFrame> nodal = make_nodal(m, *body);
+      const std::optional<Vec3> arm = arm_of(m, *body, *nodal);
       if (body->reduced != nullptr)
         frame = std::make_unique<ReducedFrame>(*body->reduced, *nodal);
       else
         frame = std::move(nodal);
+      if (arm) frame = std::make_unique<CarriedFrame>(std::move(frame), *arm, Mat3::Identity());
     } else if (body->point != nullptr) {
       if (ways_of(m) > 0 || (m.point_given && !m.global))
         throw std::invalid_argument(fmt::format("'{}' is a point mass: the body alone says where", m.body));
@@ -235,7 +253,7 @@ Index FrameBuilder::node(const MarkerSpec& m, const BuiltBody& body) const {
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, const BuiltBody& body) const {
   check_ways(m);
   const Mat3 axes = m.global ? Mat3(body.spec.rotation.transpose() * m.axes) : m.axes;
-  if (!m.face.empty() || m.bore) return make_face(m, body, axes);
+  if ((!m.face.empty() && !m.by_nodes()) || m.bore) return make_face(m, body, axes);
   const FlexibleBody& flexible = *body.flexible;
   if (!m.edge.empty() || (m.by_nodes() && (m.attach == Attach::mean || !body.mesh))) return make_mean(m, body, axes);
   if (m.by_nodes()) {
@@ -273,16 +291,6 @@ std::vector<MeshFace> FrameBuilder::faces_of(const MarkerSpec& m, const BuiltBod
   }
   return faces;
 }
-
-namespace {
-
-/// Where the text wants the mean to be, in mesh coordinates.
-std::optional<Vec3> wanted_mean(const MarkerSpec& m, const BuiltBody& body) {
-  if (!m.point_given) return std::nullopt;
-  return m.global ? Vec3(body.spec.rotation.transpose() * (m.point - body.spec.position)) : m.point;
-}
-
-}  // namespace
 
 std::vector<Index> FrameBuilder::nodes_of(const MarkerSpec& m, const BuiltBody& body) const {
   check_ways(m);

@@ -7,6 +7,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/model/builders.hpp"
 
 namespace espalier::dynamics::model {
@@ -163,10 +164,26 @@ std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const Ma
           centre};
 }
 
+namespace {
+
+/// Of nodes of a solid, ascending: the integrals of their shape functions over faces.
+std::vector<double> shares_of_area(const Mesh& mesh, const std::string& face, const std::vector<Index>& nodes) {
+  const std::map<Index, double> shares = area_weights(mesh, mesh.face_set(face));
+  std::vector<double> weights;
+  for (const Index node : nodes) {
+    const auto found = shares.find(node);
+    weights.push_back(found == shares.end() ? 0 : found->second);
+  }
+  return weights;
+}
+
+}  // namespace
+
 std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, const BuiltBody& body,
                                                        const Mat3& axes) const {
   const std::vector<HeldPoint> points = points_of(m, body);
   std::vector<double> weights(points.size(), 1);
+  if (m.by_nodes() && !m.face.empty() && body.mesh) weights = shares_of_area(*body.mesh, m.face, nodes_of(m, body));
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
   if (shell != nullptr && shell->file)
     weights = shares_of_length(*shell, nodes_of(m, body), weights);

@@ -189,6 +189,26 @@ void read_cable_force(Section& s, ForceSpec& f) {
   f.slip_speed = f.friction > 0 ? s.positive("slip_speed") : s.positive("slip_speed", 1);
 }
 
+/// A load on the material of a solid: linear is a force per volume, linear_damping an acceleration, angular the angular
+/// velocity of axes that turn about start, face a set of elements.
+void read_body_load(Section& s, ForceSpec& f) {
+  f.body = s.text("body");
+  f.face = s.text("element_set", "");
+  f.linear = s.vector("force_density", Vec3::Zero());
+  f.linear_damping = s.vector("acceleration", Vec3::Zero());
+  f.angular = s.vector("angular_velocity", Vec3::Zero());
+  f.start = s.vector("point", Vec3::Zero());
+  if (!s.has("acceleration") && !s.has("force_density") && !s.has("angular_velocity"))
+    fail(s.place(),
+         "needs 'acceleration', 'force_density' (force per volume), or 'angular_velocity' of axes that turn about "
+         "'point'; a load on a frame has 'a' instead of 'body'");
+  Value one;
+  one.type = Value::Type::integer;
+  one.integer = 1;
+  one.real = 1;
+  f.formula = {s.place("factor"), s.has("factor") ? s.state_function("factor") : Section::state_function(one)};
+}
+
 ForceSpec read_force(const std::string& name, const Value& value, const std::string& units) {
   Section s(value);
   ForceSpec f;
@@ -199,6 +219,11 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.body = s.text("body");
     f.face = s.text("face");
     f.formula = {s.place("pressure"), s.state_function("pressure")};
+  } else if (f.type == ForceType::load && s.has("body")) {
+    read_body_load(s, f);
+    f.active = s.flag("active", true);
+    s.finish();
+    return f;
   } else if (f.type == ForceType::line_load) {
     f.where.place = s.place();
     f.body = f.where.body = s.text("body");

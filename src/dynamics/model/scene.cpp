@@ -10,6 +10,7 @@
 #include "dynamics/contact/solid_contact.hpp"
 #include "dynamics/elements/shape_functions.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
+#include "dynamics/model/assembly/solid_materials.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -207,6 +208,7 @@ const std::vector<double>& Scene::plain_von_mises(const State& s) {
       while (cell < body_.size() && body_[cell] == number) ++cell;
       continue;
     }
+    const ElementMaterials materials = materials_of(body);
     if (body.reduced != nullptr) position_ = body.reduced->strained(s.q);
     const std::vector<double>& q = body.reduced != nullptr ? position_ : s.q;
     for (Index e = 0; e < body.mesh->element_count(); ++e, ++cell) {
@@ -220,7 +222,7 @@ const std::vector<double>& Scene::plain_von_mises(const State& s) {
         reference.insert(reference.end(), from, from + 3);
         position.insert(position.end(), to, to + 3);
       }
-      von_mises_[cell] = model::von_mises(type, body.material, reference, position);
+      von_mises_[cell] = model::von_mises(type, materials.at(e), reference, position);
     }
   }
   return von_mises_;

@@ -16,21 +16,23 @@ namespace espalier::dynamics {
 
 /// What can be taken from a deck, by the words of `take`.
 enum class DeckKind : std::uint8_t {
-  boundary,   ///< displacements that are held or led
-  cload,      ///< forces and moments at nodes
-  dload,      ///< pressures on faces
-  gravity,    ///< accelerations of gravity
-  springs,    ///< to the ground and between nodes
-  dashpots,   ///< likewise
-  masses,     ///< of nodes
-  couplings,  ///< rigid bodies, kinematic and distributing couplings
-  equations,  ///< linear equations of displacements
-  ties,       ///< surfaces that are welded
-  step,       ///< statics, modes, or a motion
-  others      ///< what cannot be taken
+  boundary,    ///< displacements that are held or led
+  cload,       ///< forces and moments at nodes
+  dload,       ///< pressures on faces, forces on volumes
+  gravity,     ///< accelerations of gravity
+  springs,     ///< to the ground and between nodes
+  dashpots,    ///< likewise
+  masses,      ///< of nodes
+  couplings,   ///< rigid bodies, kinematic and distributing couplings
+  equations,   ///< linear equations of displacements
+  ties,        ///< surfaces that are welded
+  connectors,  ///< joints between nodes
+  step,        ///< statics, modes, or a motion
+  others       ///< what cannot be taken
 };
-inline constexpr std::array<const char*, 11> kDeckWords = {
-    "boundary", "cload", "dload", "gravity", "springs", "dashpots", "masses", "couplings", "equations", "ties", "step"};
+inline constexpr std::array<const char*, 12> kDeckWords = {"boundary",  "cload",    "dload",      "gravity",
+                                                           "springs",   "dashpots", "masses",     "couplings",
+                                                           "equations", "ties",     "connectors", "step"};
 
 struct DeckPlace {
   std::string file;
@@ -63,11 +65,13 @@ struct DeckPressure {
   int curve = -1;
   int step = 0;  ///< that states it
 };
-/// Acts on all solids and masses, or on those of a set.
-struct DeckGravity {
+/// Acts on all solids and masses, or on those of a set; see BodyLoadLaw.
+struct DeckBodyLoad {
   DeckPlace place;
-  std::vector<Index> elements;  ///< solids of the set
-  Point acceleration{};
+  std::string label;              ///< GRAV, CENTRIF ...
+  std::vector<Index> elements{};  ///< of the set
+  Point acceleration{}, per_volume{}, spin{}, point{};
+  int curve = -1;
   int step = 0;                      ///< that states it
   std::string set{};                 ///< as the card says it, in upper case; empty: all
   std::vector<std::string> homes{};  ///< where the set is looked for
@@ -84,8 +88,8 @@ struct DeckMass {
   Index node = 0;
   double mass = 0;
   Point offset{};
-  std::array<double, 6> inertia{};  ///< xx, yy, zz, xy, xz, yz about the mass itself
-  Point gravity{};                  ///< acceleration that acts on it
+  std::array<double, 6> inertia{};   ///< xx, yy, zz, xy, xz, yz about the mass itself
+  std::vector<std::size_t> loads{};  ///< of Deck::body_loads that act on it
 };
 /// The sum of factor * displacement is `value`.
 struct DeckEquation {
@@ -113,6 +117,15 @@ struct DeckTie {
   std::vector<MeshFace> faces;
   double tolerance = 0;  ///< of the distance; 0: a tenth of the faces' size
 };
+/// A joint between two nodes, with springs and dashpots along and about axes 1, 2, 3 of a.
+struct DeckConnector {
+  DeckPlace place;
+  std::string type;         ///< as the deck calls it
+  std::string joint, free;  ///< type of the joint, empty: none; free components of relative motion, of "123456"
+  Index a = -1, b = -1;     ///< -1: the ground
+  std::array<Point, 3> axes_a{}, axes_b{};
+  std::array<double, 6> stiffness{}, damping{};
+};
 struct DeckStep {
   enum class Kind : std::uint8_t { none, statics, modes, motion };
   DeckPlace place;
@@ -133,12 +146,13 @@ struct Deck {
   std::vector<DeckHold> holds;
   std::vector<DeckForce> forces;
   std::vector<DeckPressure> pressures;
-  std::vector<DeckGravity> gravity;
+  std::vector<DeckBodyLoad> body_loads;
   std::vector<DeckSpring> springs, dashpots;
   std::vector<DeckMass> masses;
   std::vector<DeckCoupling> couplings;
   std::vector<DeckEquation> equations;
   std::vector<DeckTie> ties;
+  std::vector<DeckConnector> connectors;
   std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
   std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
   DeckStep step;

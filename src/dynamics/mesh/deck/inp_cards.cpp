@@ -6,6 +6,8 @@
 #include <charconv>
 #include <cmath>
 
+#include "dynamics/mesh/deck/point_algebra.hpp"
+
 namespace espalier::dynamics {
 
 void fail(const DeckPlace& place, const std::string& message) {
@@ -58,21 +60,6 @@ std::int64_t CardFields::integer(std::size_t k, const char* what, std::int64_t o
   return has(k) ? integer(k, what) : otherwise;
 }
 
-namespace {
-
-Point cross_product(const Point& a, const Point& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
-}
-
-Point difference_of(const Point& a, const Point& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
-
-}  // namespace
-
-Point direction_of(const Point& a) {
-  const double length = std::hypot(a[0], a[1], a[2]);
-  return length > 0 ? Point{a[0] / length, a[1] / length, a[2] / length} : Point{};
-}
-
 std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Point& b, const Point& place) {
   Point x = direction_of(a), z = direction_of(cross_product(a, b));
   if (cylindrical) {
@@ -86,30 +73,44 @@ std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Poin
 }
 
 bool is_harmless_inp_keyword(const std::string& name) {
-  static constexpr std::string_view kHarmless[] = {"*EXPANSION",
-                                                   "*CONDUCTIVITY",
-                                                   "*SPECIFICHEAT",
-                                                   "*PHYSICALCONSTANTS",
-                                                   "*TIMEPOINTS",
-                                                   "*SURFACE",
-                                                   "*PARAMETER",
-                                                   "*SECTIONPRINT",
-                                                   "*CONTROLS",
-                                                   "*SOLVERCONTROLS",
-                                                   "*ORIENTATION",
-                                                   "*DAMPING",
-                                                   "*CONTACTOUTPUT",
-                                                   "*SECTIONCONTROLS",
-                                                   "*DIAGNOSTICS",
-                                                   "*FRICTION",
-                                                   "*SURFACEBEHAVIOR",
-                                                   "*SURFACEINTERACTION",
-                                                   "*USERMATERIAL",
-                                                   "*DEPVAR",
-                                                   "*VIEWFACTOR",
-                                                   "*SUBMODEL",
-                                                   "*FILE"};
+  static constexpr std::string_view kHarmless[] = {"*EXPANSION",       "*CONDUCTIVITY",
+                                                   "*SPECIFICHEAT",    "*PHYSICALCONSTANTS",
+                                                   "*TIMEPOINTS",      "*SURFACE",
+                                                   "*PARAMETER",       "*SECTIONPRINT",
+                                                   "*CONTROLS",        "*SOLVERCONTROLS",
+                                                   "*ORIENTATION",     "*DAMPING",
+                                                   "*CONTACTOUTPUT",   "*SECTIONCONTROLS",
+                                                   "*DIAGNOSTICS",     "*FRICTION",
+                                                   "*SURFACEBEHAVIOR", "*SURFACEINTERACTION",
+                                                   "*DEPVAR",          "*VIEWFACTOR",
+                                                   "*SUBMODEL",        "*FILE"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
+}
+
+bool is_inp_material_law(const std::string& name) {
+  static constexpr std::string_view kLaws[] = {"*ELASTIC",
+                                               "*PLASTIC",
+                                               "*CYCLICHARDENING",
+                                               "*CREEP",
+                                               "*HYPERELASTIC",
+                                               "*HYPERFOAM",
+                                               "*HYPOELASTIC",
+                                               "*DEFORMATIONPLASTICITY",
+                                               "*VISCOELASTIC",
+                                               "*VISCOUS",
+                                               "*MULLINSEFFECT",
+                                               "*MOHRCOULOMB",
+                                               "*MOHRCOULOMBHARDENING",
+                                               "*DRUCKERPRAGER",
+                                               "*CAPPLASTICITY",
+                                               "*CONCRETE",
+                                               "*CONCRETEDAMAGEDPLASTICITY",
+                                               "*DAMAGEINITIATION",
+                                               "*POROUSELASTIC",
+                                               "*NOCOMPRESSION",
+                                               "*NOTENSION",
+                                               "*USERMATERIAL"};
+  return std::find(std::begin(kLaws), std::end(kLaws), name) != std::end(kLaws);
 }
 
 }  // namespace espalier::dynamics

@@ -37,19 +37,20 @@ struct InpCard {
   InpKeyword keyword;
   DeckPlace place;
   std::vector<std::pair<std::int64_t, std::string>> lines;
-  std::string scope;  ///< upper-case name of the part or instance that it stands in; empty: none
-  int step = 0;       ///< 0: before the first
+  std::string scope;       ///< upper-case name of the part or instance that it stands in; empty: none
+  int step = 0;            ///< 0: before the first
+  std::string material{};  ///< the last *MATERIAL before it, as written
   [[nodiscard]] CardFields fields(std::size_t line) const {
     return {DeckPlace{place.file, lines[line].first}, lines[line].second};
   }
 };
 
-/// Of length one; zeros where the vector has no direction.
-[[nodiscard]] Point direction_of(const Point& a);
 /// The axes of *TRANSFORM at a place, from its points a and b; zeros where it has none.
 [[nodiscard]] std::array<Point, 3> transform_axes(bool cylindrical, const Point& a, const Point& b, const Point& place);
 
 /// Whether a keyword can be left out without a change of displacements: output, heat, names.
 [[nodiscard]] bool is_harmless_inp_keyword(const std::string& name);
+/// Whether a keyword is a law of the *MATERIAL before it that solids here do not have: plasticity, creep ...
+[[nodiscard]] bool is_inp_material_law(const std::string& name);
 
 }  // namespace espalier::dynamics

@@ -1,4 +1,4 @@
-// The cards of an .inp deck: steps, supports and loads.
+// The cards of an .inp deck: steps and supports.
 #include "dynamics/mesh/deck/inp_deck.hpp"
 
 #include <fmt/format.h>
@@ -6,6 +6,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "dynamics/mesh/deck/inp_loads.hpp"
+#include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/mesh/inp_model.hpp"
 #include "dynamics/mesh/names.hpp"
 
@@ -40,16 +42,16 @@ class InpDeckReader {
 
   void run() {
     for (const InpCard& card : model_.cards)
-      if (card.keyword.name == "*AMPLITUDE") amplitude(card);
+      if (card.keyword.name == "*AMPLITUDE") amplitudes_.read(card);
     for (const InpCard& card : model_.cards)
       if (card.step <= wanted_) read(card);
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
-    for (const auto& [key, force] : forces_) deck_.forces.push_back(force);
-    for (const auto& [key, pressure] : pressures_) deck_.pressures.push_back(pressure);
+    loads_.finish();
     if (deck_.step.kind == DeckStep::Kind::motion)
       for (const InpCard& card : model_.cards)
         if (card.keyword.name == "*DAMPING") leave(DeckKind::others, card.keyword.name, card);
     read_inp_parts(model_, target_);
+    read_inp_connectors(model_, target_, wanted_);
     note_formulations();
   }
 
@@ -60,19 +62,30 @@ class InpDeckReader {
     const std::string& name = card.keyword.name;
     if (name == "*STEP") return begin_step(card);
     if (name == "*BOUNDARY") return boundary(card);
-    if (name == "*CLOAD") return cload(card);
-    if (name == "*DLOAD" || name == "*DSLOAD") return dload(card);
+    if (name == "*CLOAD") return loads_.cload(card);
+    if (name == "*DLOAD" || name == "*DSLOAD") return loads_.dload(card);
     if (name == "*TRANSFORM") return transform(card);
     if (name == "*STATIC" || name == "*FREQUENCY" || name == "*DYNAMIC") return procedure(card);
-    if (is_inp_part_keyword(name) || name == "*AMPLITUDE" || name == "*ELEMENT" || is_harmless_inp_keyword(name))
+    if (name.starts_with("*CONNECTOR") || is_inp_part_keyword(name) || name == "*AMPLITUDE" || name == "*ELEMENT" ||
+        is_harmless_inp_keyword(name))
       return;
+    if (is_inp_material_law(name)) return material_law(card);
     // What *STEP stands for is said by its procedure.
     const bool procedure = card.step > 0 && card.step == wanted_ && card.lines.empty();
     leave(procedure && name != "*MODELCHANGE" ? DeckKind::step : DeckKind::others, name, card);
   }
 
+  /// Of a material that solids are made of.
+  void material_law(const InpCard& card) {
+    const auto& sections = lookup_.mesh().section_material;
+    if (std::none_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == card.material; }))
+      return;
+    const std::string type = card.keyword.has("TYPE") ? " TYPE=" + upper(card.keyword.get("TYPE")) : "";
+    leave(DeckKind::others, fmt::format("{}{} of material {}", card.keyword.name, type, card.material), card);
+  }
+
   void begin_step(const InpCard& card) {
-    news_.clear();
+    loads_.begin_step();
     fresh_holds_.clear();
     // NLGEOM stays for the steps that follow.
     if (card.keyword.has("NLGEOM")) deck_.step.large = upper(card.keyword.get("NLGEOM")) != "NO";
@@ -93,9 +106,9 @@ class InpDeckReader {
     }
     DeckStep& step = deck_.step;
     step.place = card.place;
-    if (leaves_parameter(card, DeckKind::step,
-                         {"SOLVER", "EIGENSOLVER", "SIM", "ACOUSTICCOUPLING", "STORAGE", "NORMALIZATION", "DIRECT",
-                          "ALPHA", "TIMERESET", "TOTALTIMEATSTART", "EXPLICIT", "NOHAF", "HAFTOL"}))
+    if (target_.leaves_parameter(card, DeckKind::step,
+                                 {"SOLVER", "EIGENSOLVER", "SIM", "ACOUSTICCOUPLING", "STORAGE", "NORMALIZATION",
+                                  "DIRECT", "ALPHA", "TIMERESET", "TOTALTIMEATSTART", "EXPLICIT", "NOHAF", "HAFTOL"}))
       return;
     const CardFields f = card.lines.empty() ? CardFields(card.place, "") : card.fields(0);
     if (card.keyword.name == "*FREQUENCY") {
@@ -129,67 +142,11 @@ class InpDeckReader {
       fail(card.place, "*DYNAMIC: ALPHA must lie between -1/3 and 0");
   }
 
-  void amplitude(const InpCard& card) {
-    const std::string name = upper(card.keyword.need(LineReader(card.place.file, ""), "NAME"));
-    for (const auto& [key, given] : card.keyword.parameters) {
-      std::string value = upper(given);
-      std::erase(value, ' ');
-      const bool known = key == "NAME" || (key == "DEFINITION" && value == "TABULAR") ||
-                         (key == "TIME" && value == "STEPTIME") || (key == "VALUE" && value == "RELATIVE");
-      if (!known) refused_curves_.emplace(name, fmt::format("*AMPLITUDE {}{}{}", key, value.empty() ? "" : "=", value));
-    }
-    if (refused_curves_.contains(name)) return;
-    std::vector<std::pair<double, double>> points;
-    for (std::size_t l = 0; l < card.lines.size(); ++l) {
-      const CardFields f = card.fields(l);
-      for (std::size_t k = 0; k + 1 < f.size() + 1 && f.has(k); k += 2) {
-        const double at = f.real(k, "time"), value = f.real(k + 1, "factor");
-        if (!points.empty() && !(at > points.back().first))
-          fail(f.place(),
-               fmt::format("*AMPLITUDE {}: times must rise, {:g} follows {:g}", name, at, points.back().first));
-        points.emplace_back(at, value);
-      }
-    }
-    if (points.empty()) fail(card.place, fmt::format("*AMPLITUDE {} has no points", name));
-    curves_[name] = static_cast<int>(deck_.curves.size());
-    deck_.curves.push_back(std::move(points));
-  }
-
-  int curve_of(const InpCard& card, DeckKind kind) {
-    if (!card.keyword.has("AMPLITUDE")) return -1;
-    const std::string name = upper(card.keyword.get("AMPLITUDE"));
-    if (const auto refused = refused_curves_.find(name); refused != refused_curves_.end())
-      leave(kind, refused->second, card);
-    else if (const auto found = curves_.find(name); found != curves_.end())
-      return found->second;
-    else
-      fail(card.place, fmt::format("{}: there is no *AMPLITUDE '{}'", card.keyword.name, name));
-    return -1;
-  }
-
-  /// OP=NEW takes away what steps before have said: once in a step.
-  bool begins_anew(const InpCard& card) {
-    const std::string& name = card.keyword.name;
-    return card.step > 0 && upper(card.keyword.get("OP")) == "NEW" &&
-           news_.insert(name == "*DSLOAD" ? "*DLOAD" : name).second;
-  }
-
-  /// Whether a parameter is given that changes what the card means. @return then it is left
-  bool leaves_parameter(const InpCard& card, DeckKind kind, std::initializer_list<const char*> taken) {
-    for (const auto& [key, value] : card.keyword.parameters) {
-      const auto is = [&key = key](const char* word) { return key == word; };
-      if (std::any_of(taken.begin(), taken.end(), is)) continue;
-      leave(kind, fmt::format("{} {}{}{}", card.keyword.name, key, value.empty() ? "" : "=", value), card);
-      return true;
-    }
-    return false;
-  }
-
   void boundary(const InpCard& card) {
     const char* type = upper(card.keyword.get("TYPE")) == "DISPLACEMENT" ? "TYPE" : "OP";
-    if (leaves_parameter(card, DeckKind::boundary, {"OP", "AMPLITUDE", type})) return;
-    if (begins_anew(card)) holds_.clear();
-    const int curve = curve_of(card, DeckKind::boundary);
+    if (target_.leaves_parameter(card, DeckKind::boundary, {"OP", "AMPLITUDE", type})) return;
+    if (loads_.begins_anew(card)) holds_.clear();
+    const int curve = amplitudes_.of(card, DeckKind::boundary);
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
       const CardFields f = card.fields(l);
       std::vector<int> directions = directions_of_word(upper(f.text(1)));
@@ -224,108 +181,6 @@ class InpDeckReader {
                        node_name(lookup_.mesh(), hold.node), hold.value, kDirectionNames[hold.direction],
                        known->second.value, known->second.place.line));
     known->second = hold;
-  }
-
-  void cload(const InpCard& card) {
-    if (leaves_parameter(card, DeckKind::cload, {"OP", "AMPLITUDE"})) return;
-    if (begins_anew(card)) forces_.clear();
-    const int curve = curve_of(card, DeckKind::cload);
-    for (std::size_t l = 0; l < card.lines.size(); ++l) {
-      const CardFields f = card.fields(l);
-      const std::int64_t direction = f.integer(1, "degree of freedom");
-      if (direction == 11 || direction == 0) {
-        leave(DeckKind::cload, fmt::format("*CLOAD of degree of freedom {}", direction), card);
-        continue;
-      }
-      if (direction < 1 || direction > 6)
-        fail(f.place(), fmt::format("*CLOAD: degree of freedom {}; 1 to 3 are forces, 4 to 6 moments", direction));
-      const double value = f.real(2, "force");
-      for (const Index node : target_.nodes(card, f, 0)) {
-        const std::pair key(node, static_cast<int>(direction - 1));
-        const DeckForce force{f.place(), node, key.second, value, curve, card.step};
-        add_or_replace(forces_, key, force, card);
-      }
-    }
-  }
-
-  /// In one step loads at the same place add up; those of a step before are replaced.
-  template <class Key, class Load>
-  void add_or_replace(std::map<Key, Load>& loads, const Key& key, const Load& load, const InpCard& card) {
-    const auto [known, added] = loads.emplace(key, load);
-    if (added) return;
-    if (known->second.step == card.step && known->second.curve == load.curve) {
-      known->second.value += load.value;
-    } else if (known->second.step == card.step) {
-      fail(load.place, fmt::format("{}: the load of line {} acts at the same place with another AMPLITUDE; make one "
-                                   "curve of the two",
-                                   card.keyword.name, known->second.place.line));
-    } else {
-      known->second = load;
-    }
-  }
-
-  void dload(const InpCard& card) {
-    if (leaves_parameter(card, DeckKind::dload, {"OP", "AMPLITUDE"})) return;
-    if (begins_anew(card)) {
-      pressures_.clear();
-      deck_.gravity.clear();
-    }
-    const int curve = curve_of(card, DeckKind::dload);
-    for (std::size_t l = 0; l < card.lines.size(); ++l) dload_line(card, card.fields(l), curve);
-  }
-
-  void dload_line(const InpCard& card, const CardFields& f, int curve) {
-    const std::string label = upper(f.text(1));
-    const bool surface = card.keyword.name == "*DSLOAD";
-    if (label == "GRAV" && !surface) return gravity(card, f, curve);
-    const bool face = label.size() == 2 && label[0] == 'P' && label[1] >= '1' && label[1] <= '6';
-    if (surface ? label != "P" : !face)
-      return leave(DeckKind::dload, fmt::format("{} {}", card.keyword.name, label), card);
-    std::vector<MeshFace> faces;
-    if (surface) {
-      faces = target_.faces(card, f);
-    } else {
-      for (const Index e : target_.elements(card, f)) {
-        const auto& shape = shape_of(lookup_.mesh().type(e));
-        if (shape.dimension < 3) {
-          leave(DeckKind::dload, fmt::format("*DLOAD {} of {}", label, shape.name), card);
-          continue;
-        }
-        if (label[1] - '0' > static_cast<int>(shape.faces.size()))
-          fail(f.place(), fmt::format("*DLOAD {}: element {} ({}) has {} faces", label, element_name(lookup_.mesh(), e),
-                                      shape.name, shape.faces.size()));
-        faces.push_back({e, label[1] - '1'});
-      }
-    }
-    const double value = f.real(2, "pressure");
-    if (faces.empty()) leave(DeckKind::dload, fmt::format("{} of elements that are not read", card.keyword.name), card);
-    for (const MeshFace& at : faces)
-      add_or_replace(pressures_, at, DeckPressure{f.place(), at, value, curve, card.step}, card);
-  }
-
-  void gravity(const InpCard& card, const CardFields& f, int curve) {
-    const double value = f.real(2, "acceleration");
-    const Point direction = direction_of({f.real(3, "x", 0), f.real(4, "y", 0), f.real(5, "z", 0)});
-    if (direction == Point{}) fail(f.place(), "*DLOAD GRAV: the direction is zero");
-    if (curve >= 0) return leave(DeckKind::gravity, "*DLOAD GRAV with AMPLITUDE", card);
-    DeckGravity g{f.place(),
-                  f.has(0) ? target_.elements(card, f) : std::vector<Index>(),
-                  {},
-                  card.step,
-                  upper(f.text(0)),
-                  lookup_.homes(card.scope)};
-    for (std::size_t d = 0; d < 3; ++d) g.acceleration[d] = value * direction[d];
-    // A step replaces what the ones before say of the same elements; in CalculiX gravity in another direction is added.
-    std::erase_if(deck_.gravity, [&](const DeckGravity& old) {
-      const bool same = old.set == g.set || (!g.elements.empty() && old.elements == g.elements);
-      const Point was = direction_of(old.acceleration);
-      const double along = was[0] * direction[0] + was[1] * direction[1] + was[2] * direction[2];
-      constexpr double kNear = 1e-10;
-      if (old.step != card.step && same && std::abs(along) < 1 - kNear)
-        leave(DeckKind::gravity, "*DLOAD GRAV in another direction than in the step before, without OP=NEW", card);
-      return old.step != card.step && same;
-    });
-    deck_.gravity.push_back(std::move(g));
   }
 
   void transform(const InpCard& card) {
@@ -366,17 +221,14 @@ class InpDeckReader {
 
   const InpModel& model_;
   InpTarget target_;
+  InpAmplitudes amplitudes_{target_};
+  InpLoads loads_{target_, amplitudes_};
   const InpLookup& lookup_;
   Deck& deck_;
   int wanted_ = 0;
   bool large_before_ = false, moved_before_ = false;  // a step before the wanted one has large displacements; moves
-  std::map<std::string, int> curves_;
-  std::map<std::string, std::string> refused_curves_;
-  std::set<std::string> news_;  // keywords whose OP=NEW this step has seen
   std::set<std::pair<Index, int>> fresh_holds_;
   std::map<std::pair<Index, int>, DeckHold> holds_;
-  std::map<std::pair<Index, int>, DeckForce> forces_;
-  std::map<MeshFace, DeckPressure> pressures_;
 };
 
 }  // namespace

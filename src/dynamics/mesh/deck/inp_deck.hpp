@@ -2,6 +2,7 @@
 /// What the pieces of the reader of .inp decks share.
 #pragma once
 
+#include <initializer_list>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,9 @@ class InpTarget {
   /// @param faces  where it is one of elements, its faces are added
   [[nodiscard]] std::vector<Index> surface_nodes(const InpCard& card, const CardFields& f, std::size_t k,
                                                  std::vector<MeshFace>* faces = nullptr) const;
+  /// Whether a parameter is given that changes what the card means. @return then it is left
+  [[nodiscard]] bool leaves_parameter(const InpCard& card, DeckKind kind,
+                                      std::initializer_list<const char*> taken) const;
   /// What nobody takes.
   void leave(DeckKind kind, const std::string& what, const DeckPlace& place) const;
   [[nodiscard]] const InpLookup& lookup() const { return lookup_; }
@@ -42,6 +46,9 @@ class InpTarget {
 
 /// Springs, dashpots, masses, equations, couplings, ties.
 [[nodiscard]] bool is_inp_part_keyword(const std::string& name);
+void read_inp_mpc(const InpCard& card, const InpTarget& target);
+/// @param step  the one that is taken
+void read_inp_connectors(const InpModel& model, const InpTarget& target, int step);
 void read_inp_parts(const InpModel& model, const InpTarget& target);
 
 }  // namespace espalier::dynamics

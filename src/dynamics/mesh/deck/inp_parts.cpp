@@ -29,7 +29,7 @@ class InpPartReader {
     collect_elements();
     for (const InpCard& card : model_.cards) read(card);
     for (const Single& single : singles_)
-      if (!single.stated) leave_element(single);
+      if (!single.stated && single.type != "CONN3D2") leave_element(single);
     for (const std::string& type : model_.solid_types)
       if (type.starts_with("S") ? !type.starts_with("SFM") && !type.starts_with("SC")
                                 : type.starts_with("B") || type.starts_with("T3D") || type.starts_with("M3D") ||
@@ -64,7 +64,7 @@ class InpPartReader {
     if (name == "*SPRING" || name == "*DASHPOT") return spring(card);
     if (name == "*MASS") return mass(card);
     if (name == "*EQUATION") return equations(card);
-    if (name == "*MPC") return mpc(card);
+    if (name == "*MPC") return read_inp_mpc(card, target_);
     if (name == "*RIGIDBODY") return rigid_body(card);
     if (name == "*COUPLING" || name == "*KINEMATICCOUPLING") return coupling(card);
     if (name == "*KINEMATIC" || name == "*DISTRIBUTING") return constraint(card);
@@ -91,20 +91,9 @@ class InpPartReader {
            });
   }
 
-  /// Whether a parameter that changes the meaning is given.
-  bool leaves(const InpCard& card, DeckKind kind, std::initializer_list<const char*> taken) {
-    for (const auto& [key, value] : card.keyword.parameters) {
-      const auto is = [&key = key](const char* word) { return key == word; };
-      if (std::any_of(taken.begin(), taken.end(), is)) continue;
-      target_.leave(kind, fmt::format("{} {}", card.keyword.name, key), card.place);
-      return true;
-    }
-    return false;
-  }
-
   void spring(const InpCard& card) {
     const bool dashpot = card.keyword.name == "*DASHPOT";
-    if (leaves(card, dashpot ? DeckKind::dashpots : DeckKind::springs, {"ELSET"})) {
+    if (target_.leaves_parameter(card, dashpot ? DeckKind::dashpots : DeckKind::springs, {"ELSET"})) {
       of_set(card, [](Single& single) { single.stated = true; });
       return;
     }
@@ -142,7 +131,7 @@ class InpPartReader {
   }
 
   void mass(const InpCard& card) {
-    if (leaves(card, DeckKind::masses, {"ELSET"})) return;
+    if (target_.leaves_parameter(card, DeckKind::masses, {"ELSET"})) return;
     if (card.lines.empty()) fail(card.place, "*MASS has no value");
     const CardFields f = card.fields(0);
     const double value = f.real(0, "mass");
@@ -151,9 +140,9 @@ class InpPartReader {
       if (single.type != "MASS") return;
       single.stated = true;
       DeckMass out{single.fields.place(), target_.node(*single.card, single.fields, 1), value, {}, {}};
-      for (const DeckGravity& g : deck_.gravity)
-        if (g.set.empty() || is_in(single, g.set, g.homes))
-          for (std::size_t d = 0; d < 3; ++d) out.gravity[d] += g.acceleration[d];
+      for (std::size_t k = 0; k < deck_.body_loads.size(); ++k)
+        if (const DeckBodyLoad& load = deck_.body_loads[k]; load.set.empty() || is_in(single, load.set, load.homes))
+          out.loads.push_back(k);
       deck_.masses.push_back(out);
     });
   }
@@ -183,31 +172,15 @@ class InpPartReader {
     }
   }
 
-  void mpc(const InpCard& card) {
-    for (std::size_t l = 0; l < card.lines.size(); ++l) {
-      const CardFields f = card.fields(l);
-      const std::string type = upper(f.text(0));
-      if (type != "TIE" && type != "PIN") {
-        target_.leave(DeckKind::equations, fmt::format("*MPC {}", type), card.place);
-        continue;
-      }
-      const std::vector<Index> a = target_.nodes(card, f, 1), b = target_.nodes(card, f, 2);
-      if (b.size() != 1 && b.size() != a.size())
-        fail(f.place(),
-             fmt::format("*MPC {}: the sets have {} and {} nodes; as many are needed", type, a.size(), b.size()));
-      for (std::size_t k = 0; k < a.size(); ++k)
-        for (int d = 0; d < 3; ++d)
-          deck_.equations.push_back({f.place(), {{a[k], d, 1}, {b.size() == 1 ? b[0] : b[k], d, -1}}, 0});
-    }
-  }
-
   Index reference(const InpCard& card) {
     const std::string given = card.keyword.need(LineReader(card.place.file, ""), "REFNODE");
     return target_.node(card, CardFields(card.place, given), 0);
   }
 
   void rigid_body(const InpCard& card) {
-    if (leaves(card, DeckKind::couplings, {"NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET"})) return;
+    if (target_.leaves_parameter(card, DeckKind::couplings,
+                                 {"NSET", "ELSET", "REFNODE", "ROTNODE", "TIENSET", "PINNSET"}))
+      return;
     DeckCoupling out{card.place, reference(card), {}, true};
     for (const char* key : {"NSET", "TIENSET", "PINNSET"})
       if (card.keyword.has(key)) {
@@ -228,7 +201,7 @@ class InpPartReader {
   void coupling(const InpCard& card) {
     const bool old = card.keyword.name == "*KINEMATICCOUPLING";
     open_.reset();
-    left_open_ = leaves(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"});
+    left_open_ = target_.leaves_parameter(card, DeckKind::couplings, {"REFNODE", "SURFACE", "CONSTRAINTNAME"});
     if (left_open_) return;
     DeckCoupling out{card.place, reference(card), {}, true};
     if (!old) {
@@ -278,7 +251,7 @@ class InpPartReader {
   }
 
   void tie(const InpCard& card) {
-    if (leaves(card, DeckKind::ties, {"NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE"})) return;
+    if (target_.leaves_parameter(card, DeckKind::ties, {"NAME", "POSITIONTOLERANCE", "ADJUST", "TYPE"})) return;
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
       const CardFields f = card.fields(l);
       DeckTie out{f.place(), target_.surface_nodes(card, f, 0), target_.faces(card, f, 1), 0};

@@ -1,6 +1,8 @@
 // What the cards of an .inp deck name.
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "dynamics/mesh/deck/inp_deck.hpp"
 
 namespace espalier::dynamics {
@@ -79,6 +81,16 @@ std::vector<Index> InpTarget::surface_nodes(const InpCard& card, const CardField
   sort_unique(all);
   if (all.empty()) fail(f.place(), fmt::format("{}: '{}' has no nodes", card.keyword.name, f.text(k)));
   return all;
+}
+
+bool InpTarget::leaves_parameter(const InpCard& card, DeckKind kind, std::initializer_list<const char*> taken) const {
+  for (const auto& [key, value] : card.keyword.parameters) {
+    const auto is = [&key = key](const char* word) { return key == word; };
+    if (std::any_of(taken.begin(), taken.end(), is)) continue;
+    leave(kind, fmt::format("{} {}{}{}", card.keyword.name, key, value.empty() ? "" : "=", value), card.place);
+    return true;
+  }
+  return false;
 }
 
 void InpTarget::leave(DeckKind kind, const std::string& what, const DeckPlace& place) const {

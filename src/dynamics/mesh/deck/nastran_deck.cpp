@@ -16,9 +16,9 @@ namespace {
 /// Cards that change nothing of linear statics and modes of solids, or belong to what the mesh's reader has counted.
 bool is_harmless_card(const std::string& name) {
   static constexpr std::string_view kHarmless[] = {
-      "PSHELL", "PCOMP",   "PBAR",    "PBARL",   "PBEAM",  "PROD",   "PELAS",  "PDAMP",  "PBUSH", "EIGRL",
-      "EIGR",   "SET1",    "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "MAT9",   "EPOINT", "ASET",  "ASET1",
-      "USET",   "MONPNT1", "AECOMP",  "AELIST",  "AEFACT", "AESTAT", "SPOINT", "MAT4",   "MAT5",  "PLOTEL"};
+      "PSHELL",  "PCOMP",  "PBAR",    "PBARL",   "PBEAM",  "PROD",   "PELAS",  "PDAMP", "PBUSH", "EIGRL",
+      "EIGR",    "SET1",   "TABLEM1", "TABLED1", "MAT8",   "MAT2",   "EPOINT", "ASET",  "ASET1", "USET",
+      "MONPNT1", "AECOMP", "AELIST",  "AEFACT",  "AESTAT", "SPOINT", "MAT4",   "MAT5",  "PLOTEL"};
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
 }
 
@@ -57,7 +57,7 @@ class NastranDeckReader {
     for (const NastranCard& card : cards_) note(card);
     case_.spc = chosen(case_.spc, {"SPC", "SPC1", "SPCADD"});
     case_.mpc = chosen(case_.mpc, {"MPC", "MPCADD"});
-    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "LOAD"});
+    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE", "LOAD"});
     solution();
     const std::set<std::int64_t> spc = sum_of_sets("SPCADD", case_.spc), mpc = sum_of_sets("MPCADD", case_.mpc);
     for (const NastranCard& card : cards_)
@@ -71,8 +71,7 @@ class NastranDeckReader {
     for (const auto& [key, hold] : holds_) deck_.holds.push_back(hold);
     if (case_.load) read_nastran_loads(cards_, *case_.load, case_.place, systems_, deck_);
     for (DeckMass& mass : deck_.masses)
-      for (const DeckGravity& g : deck_.gravity)
-        for (std::size_t d = 0; d < 3; ++d) mass.gravity[d] += g.acceleration[d];
+      for (std::size_t k = 0; k < deck_.body_loads.size(); ++k) mass.loads.push_back(k);
   }
 
  private:
@@ -152,11 +151,18 @@ class NastranDeckReader {
     if (n == "RBE2") return rigid(card);
     if (n == "RBE3") return mean(card);
     if (n == "PARAM") return parameter(card);
-    static constexpr std::string_view kElsewhere[] = {"SPC",    "SPC1", "SPCADD", "MPC",  "MPCADD", "FORCE",
-                                                      "MOMENT", "LOAD", "PLOAD4", "GRAV", "GRDSET", "GRID"};
+    if (n == "MAT9" && !is_of_solids(card)) return;
+    static constexpr std::string_view kElsewhere[] = {"SPC",  "SPC1",   "SPCADD", "MPC",    "MPCADD", "FORCE", "MOMENT",
+                                                      "LOAD", "PLOAD4", "GRAV",   "RFORCE", "GRDSET", "GRID"};
     if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
       return;
     if (!is_load_not_read(n)) leave(DeckKind::others, n, place_of(card));
+  }
+
+  [[nodiscard]] bool is_of_solids(const NastranCard& material) const {
+    const std::string name = fmt::format("MAT1-{}", material.integer(0, "number"));
+    const auto& sections = deck_.mesh.section_material;
+    return std::any_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == name; });
   }
 
   [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const { return grid_point(systems_, card, k); }

@@ -2,7 +2,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 #include <unordered_map>
 
@@ -17,7 +19,7 @@ class NastranLoads {
   NastranLoads(const std::vector<NastranCard>& cards, const DeckPlace& place, NastranSystems& systems, Deck& deck)
       : cards_(cards), place_(place), systems_(systems), deck_(deck) {
     for (const NastranCard& card : cards)
-      for (const char* kind : {"LOAD", "FORCE", "MOMENT", "PLOAD4", "GRAV"})
+      for (const char* kind : {"LOAD", "FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE"})
         if (card.name == kind) load_cards_[card.integer(0, "set")].push_back(&card);
     for (Index e = 0; e < deck.mesh.element_count(); ++e) elements_.emplace(deck.mesh.element_label(e), e);
   }
@@ -49,8 +51,9 @@ class NastranLoads {
         force(*card, factor);
       } else if (card->name == "GRAV") {
         const Point g = vector_of(*card, 1, 2, 3, nullptr);
-        DeckGravity out{place_of(*card), {}, {factor * g[0], factor * g[1], factor * g[2]}, 0};
-        deck_.gravity.push_back(out);
+        deck_.body_loads.push_back({place_of(*card), "GRAV", {}, {factor * g[0], factor * g[1], factor * g[2]}});
+      } else if (card->name == "RFORCE") {
+        rotation(*card, factor);
       } else {
         pressure(*card, factor);
       }
@@ -69,6 +72,19 @@ class NastranLoads {
     for (std::size_t d = 0; d < 3; ++d)
       for (std::size_t e = 0; e < 3; ++e) out[e] += local[d] * axes[d][e];
     return out;
+  }
+
+  /// A rotation about the axis through a grid point; the speed is given in turns.
+  void rotation(const NastranCard& card, double factor) {
+    if (card.real(8, "angular acceleration", 0) != 0)
+      leave(DeckKind::dload, "RFORCE with an angular acceleration", place_of(card));
+    if (factor < 0) card.fail(fmt::format("centrifugal forces times {:g} have no speed", factor));
+    const std::int64_t at = card.integer(1, "grid point", 0);
+    DeckBodyLoad out{place_of(card), "CENTRIF"};
+    if (at != 0) out.point = deck_.mesh.nodes[static_cast<std::size_t>(grid(card, 1))];
+    out.spin = vector_of(card, 2, 3, 4, nullptr);
+    for (double& x : out.spin) x *= 2 * std::numbers::pi * std::sqrt(factor);
+    deck_.body_loads.push_back(std::move(out));
   }
 
   void force(const NastranCard& card, double factor) {
@@ -146,8 +162,8 @@ class NastranLoads {
 }  // namespace
 
 bool is_load_not_read(const std::string& name) {
-  static constexpr std::string_view kLoads[] = {"PLOAD",  "PLOAD1",  "PLOAD2",  "TEMP",  "TEMPD",  "RFORCE", "FORCE1",
-                                                "FORCE2", "MOMENT1", "MOMENT2", "ACCEL", "ACCEL1", "SPCD",   "DEFORM"};
+  static constexpr std::string_view kLoads[] = {"PLOAD",   "PLOAD1",  "PLOAD2", "TEMP",   "TEMPD", "FORCE1", "FORCE2",
+                                                "MOMENT1", "MOMENT2", "ACCEL",  "ACCEL1", "SPCD",  "DEFORM"};
   return std::find(std::begin(kLoads), std::end(kLoads), name) != std::end(kLoads);
 }
 

@@ -33,12 +33,12 @@ std::span<const PartKeys> all_part_keys() {
        "gravity type position rotation velocity angular_velocity damping reduce mesh element_set hex8 "
        "reduced_hex20 material"},
       {"bodies", "cable",
-       "gravity type position rotation velocity angular_velocity damping reduce start end elements radius "
-       "axial bending mass_per_length material"},
+       "gravity type position rotation velocity angular_velocity damping reduce mesh radius start end "
+       "elements axial bending mass_per_length element_set material"},
       {"bodies", "beam",
        "gravity type position rotation velocity angular_velocity damping reduce points start end direction "
-       "length curvature elements y radius height width axial shear_y shear_z torsion bending_y bending_z "
-       "section_normal section_shear mass_per_length inertia_y inertia_z material"},
+       "length curvature mesh y radius height width elements axial shear_y shear_z torsion bending_y "
+       "bending_z section_normal section_shear mass_per_length inertia_y inertia_z element_set material"},
       {"bodies", "shell",
        "gravity type position rotation velocity angular_velocity damping reduce mesh origin x y curvature nx "
        "ny offset thickness element_set material"},
@@ -113,7 +113,10 @@ std::span<const PartKeys> all_part_keys() {
       {"forces", "bushing",
        "type a b bodies at rotation axis x_axis active stiffness damping angular_stiffness angular_damping"},
       {"forces", "load",
-       "type a force moment factor follower active"},
+       "type a force moment factor follower active body element_set acceleration force_density "
+       "angular_velocity point"},
+      {"forces", "line-load",
+       "type body node near face nodes along edge radius bore force moment factor follower active"},
       {"forces", "pressure",
        "type body face pressure active"},
       {"forces", "guide",
@@ -138,7 +141,7 @@ std::span<const PartKeys> all_part_keys() {
       {"surfaces", "mesh",
        "body shape point file scale rotation"},
       {"surfaces", "faces",
-       "body shape set"},
+       "body shape set divisions"},
       {"surfaces", "sprocket",
        "body shape point teeth pitch roller_radius width tip axis rotation"},
       {"surfaces", "line",
@@ -149,14 +152,14 @@ std::span<const PartKeys> all_part_keys() {
       {"materials", "",
        "law young poisson density"},
       {"markers", "",
-       "same_as body global point axis x_axis rotation attach node near face nodes edge radius bore "
+       "same_as body global point axis x_axis rotation attach node near face nodes along edge radius bore "
        "most_nodes"},
       {"supports", "",
-       "body node near face nodes edge radius bore hold symmetry rotation motion"},
+       "body node near face nodes along edge radius bore hold symmetry rotation motion"},
       {"equations", "",
        "body terms value stiffness damping"},
       {"ties", "",
-       "body node near face nodes edge radius bore to tolerance"},
+       "body node near face nodes along edge radius bore to tolerance"},
       {"splines", "",
        "kind outside points file x_scale y_scale separator x y"},
       {"events", "",

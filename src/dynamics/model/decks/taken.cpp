@@ -36,11 +36,12 @@ TakenDeck Taker::run() {
   if (choice_.takes(DeckKind::couplings)) couplings();
   if (choice_.takes(DeckKind::cload)) forces();
   if (choice_.takes(DeckKind::dload)) pressures();
-  if (choice_.takes(DeckKind::gravity)) gravity();
+  body_loads();
   if (choice_.takes(DeckKind::springs)) springs(deck_.springs, "spring");
   if (choice_.takes(DeckKind::dashpots)) springs(deck_.dashpots, "dashpot");
   if (choice_.takes(DeckKind::equations)) equations();
   if (choice_.takes(DeckKind::ties)) ties();
+  if (choice_.takes(DeckKind::connectors)) connectors();
   if (choice_.takes(DeckKind::step)) step();
   formulations();
   notices();
@@ -81,24 +82,20 @@ void Taker::notices() {
   count(DeckKind::boundary, deck_.holds.size(), "boundary");
   count(DeckKind::cload, deck_.forces.size(), "cload");
   count(DeckKind::dload, deck_.pressures.size(), "dload");
-  count(DeckKind::gravity, deck_.gravity.size(), "gravity");
+  const auto weights = static_cast<std::size_t>(std::count_if(deck_.body_loads.begin(), deck_.body_loads.end(),
+                                                              [](const DeckBodyLoad& l) { return l.label == "GRAV"; }));
+  count(DeckKind::gravity, weights, "gravity");
+  count(DeckKind::dload, deck_.body_loads.size() - weights, "loads on volumes");
   count(DeckKind::springs, deck_.springs.size(), "springs");
   count(DeckKind::dashpots, deck_.dashpots.size(), "dashpots");
   count(DeckKind::masses, deck_.masses.size(), "masses");
   count(DeckKind::couplings, deck_.couplings.size(), "couplings");
   count(DeckKind::equations, deck_.equations.size(), "equations");
   count(DeckKind::ties, deck_.ties.size(), "ties");
+  count(DeckKind::connectors, deck_.connectors.size(), "connectors");
   if (!list.empty()) out_.notices.push_back(fmt::format("{}: not taken: {}", deck_.mesh.name, list));
   if (choice_.takes(DeckKind::step))
     out_.notices.insert(out_.notices.end(), deck_.notices.begin(), deck_.notices.end());
-  for (const DeckCoupling& c : deck_.couplings) {
-    const auto second = [&](const MeshFace& face) { return deck_.mesh.face_nodes(face).size() > 4; };
-    if (!c.rigid && choice_.takes(DeckKind::couplings) && std::any_of(c.faces.begin(), c.faces.end(), second))
-      out_.notices.push_back(fmt::format(
-          "{}:{}: the distributing coupling gives corners and mid-side nodes of a face equal parts; CalculiX gives "
-          "them those of an even pressure. Force and moment are the same, displacements of the face itself are not",
-          c.place.file, c.place.line));
-  }
   if (turned_ > 0)
     out_.notices.push_back(fmt::format(
         "{}: {} rotations of nodes of solids are held in the deck; such nodes do not turn", deck_.mesh.name, turned_));

@@ -30,7 +30,7 @@ struct TakenDeck {
   std::vector<Entry> entries;
   std::vector<std::pair<std::string, Value>> body_keys;  ///< of the body, where it does not state them
   std::vector<std::pair<std::string, Value>> run;        ///< sections of the run
-  std::map<std::string, std::vector<Index>> node_sets;
+  std::map<std::string, std::vector<Index>> node_sets, element_sets;
   std::map<std::string, std::vector<MeshFace>> face_sets;
   std::vector<std::string> notices;
 };

@@ -5,6 +5,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <functional>
 #include <set>
 
 #include "dynamics/mesh/names.hpp"
@@ -78,17 +79,31 @@ class Taker {
   void add_force(const ValueMaker& m, const std::string& entry, Value a, const Point& force, const Point& moment,
                  int curve);
   void pressures();
-  /// Whether the gravity of the deck acts.
-  [[nodiscard]] bool weighs() const;
-  void gravity();
+  /// Whether a load on volumes is taken, and acts in the step.
+  [[nodiscard]] bool acts(const DeckBodyLoad& load) const;
+  /// Of its curve, where the step ends; 1 in motions.
+  [[nodiscard]] double factor_of(const DeckBodyLoad& load) const;
+  void body_loads();
+  /// @param solids  all of them, rising
+  void add_body_load(const DeckBodyLoad& load, const std::vector<Index>& solids);
+  /// Weight and centrifugal force of a mass at `place` that is called `entry`.
+  void load_mass(const DeckMass& mass, const std::string& entry, const Point& place, Value& body);
   void springs(const std::vector<DeckSpring>& list, const char* what);
   [[nodiscard]] bool is_ground(Index node) const { return role(node) == NodeRole::alone && grounded_.contains(node); }
-  [[nodiscard]] Point mean_of(Index reference) const;
+  /// Of the coupling's nodes, carried to a point.
+  Value coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Point& point);
   void spring_between(const DeckSpring& s, const std::string& entry);
   Value terms(const ValueMaker& m, const std::vector<DeckEquation::Term>& list);
   void equations();
   void ties();
   void couplings();
+  /// A frame of a connector at a point, with z and x along two of its axes where the node turns.
+  Value connector_end(const ValueMaker& m, Index node, const Point& point, const std::array<Point, 3>& axes,
+                      std::size_t z, std::size_t x);
+  void connectors();
+  /// @param end  of the connector: a or b, and which of its axes z and x are
+  void connector_springs(const DeckConnector& c, const std::string& entry,
+                         const std::function<Value(const ValueMaker&, bool, std::size_t, std::size_t)>& end);
   void step();
   void formulations();
   const Deck& deck_;

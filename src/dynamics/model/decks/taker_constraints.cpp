@@ -36,43 +36,15 @@ void Taker::springs(const std::vector<DeckSpring>& list, const char* what) {
     const auto d = static_cast<std::size_t>(s.direction % 3);
     (s.direction < 3 ? linear : angular)[d] = s.stiffness;
     (s.direction < 3 ? damping : angular_damping)[d] = s.damping;
-    Point place = at(node);
-    if (role(node) == NodeRole::mean_reference) place = mean_of(node);
     add("forces", entry,
         m.table({{"type", m.text("bushing")},
-                 {"a", m.table({{"body", m.text("ground")}, {"point", m.vector(place)}})},
+                 {"a", m.table({{"body", m.text("ground")}, {"point", m.vector(at(node))}})},
                  {"b", frame(m, node)},
                  {"stiffness", m.vector(linear)},
                  {"damping", m.vector(damping)},
                  {"angular_stiffness", m.vector(angular)},
                  {"angular_damping", m.vector(angular_damping)}}));
   }
-}
-
-Point Taker::mean_of(Index reference) const {
-  const DeckCoupling& c = deck_.couplings[static_cast<std::size_t>(references_.at(reference))];
-  Point mean{};
-  const auto add = [&](Index node, double weight) {
-    for (std::size_t d = 0; d < 3; ++d) mean[d] += weight * at(node)[d];
-  };
-  double total = 0;
-  for (const MeshFace& face : c.faces) {  // as the frame on a face has it: each face's area in equal parts
-    const std::vector<Index> nodes = deck_.mesh.face_nodes(face);
-    const std::size_t corners = nodes.size() > 4 ? nodes.size() / 2 : nodes.size();
-    Point area{};
-    for (std::size_t k = 0; k < corners; ++k)
-      for (std::size_t d = 0; d < 3; ++d) {
-        const Point &a = at(nodes[k]), &b = at(nodes[(k + 1) % corners]);
-        area[d] += 0.5 * (a[(d + 1) % 3] * b[(d + 2) % 3] - a[(d + 2) % 3] * b[(d + 1) % 3]);
-      }
-    const double size = std::hypot(area[0], area[1], area[2]);
-    total += size;
-    for (const Index n : nodes) add(n, size / static_cast<double>(nodes.size()));
-  }
-  if (c.faces.empty())
-    for (const Index n : c.nodes) add(n, 1);
-  for (double& x : mean) x /= c.faces.empty() ? static_cast<double>(c.nodes.size()) : total;
-  return mean;
 }
 
 void Taker::spring_between(const DeckSpring& s, const std::string& entry) {
@@ -161,20 +133,24 @@ void Taker::ties() {
   }
 }
 
+Value Taker::coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Point& point) {
+  Value frame = m.table({{"body", m.text(body_)},
+                         {"attach", m.text(c.rigid ? "rigid" : "mean")},
+                         {"nodes", m.text(node_set("deck-" + coupling_name(c.reference), c.nodes))},
+                         {"point", m.vector(point)},
+                         {"most_nodes", m.whole(0)}});
+  if (!c.rigid && !c.faces.empty()) {
+    out_.face_sets["deck-" + coupling_name(c.reference)] = c.faces;
+    frame.entries.emplace_back("face", m.text("deck-" + coupling_name(c.reference)));
+  }
+  return frame;
+}
+
 void Taker::couplings() {
   for (const DeckCoupling& c : deck_.couplings) {
     const std::string entry = coupling_name(c.reference);
     const ValueMaker m = maker(c.place, "markers", entry);
-    Value marker = m.table({{"body", m.text(body_)}, {"attach", m.text(c.rigid ? "rigid" : "mean")}});
-    if (!c.rigid && !c.faces.empty()) {
-      out_.face_sets["deck-" + entry] = c.faces;
-      marker.entries.emplace_back("face", m.text("deck-" + entry));
-    } else {
-      marker.entries.emplace_back("nodes", m.text(node_set("deck-" + entry, c.nodes)));
-    }
-    if (c.rigid) marker.entries.emplace_back("point", m.vector(at(c.reference)));
-    marker.entries.emplace_back("most_nodes", m.whole(0));
-    add("markers", entry, std::move(marker));
+    add("markers", entry, coupling_frame(m, c, at(c.reference)));
     outputs_.push_back(entry + ".position");
     if (!c.rigid) continue;
     // What makes the nodes one piece where nothing else holds on to the reference node.

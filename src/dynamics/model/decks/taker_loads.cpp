@@ -1,4 +1,5 @@
 // Loads of a deck.
+#include <cmath>
 #include <optional>
 
 #include "dynamics/model/decks/taker.hpp"
@@ -54,16 +55,7 @@ void Taker::forces() {
 void Taker::add_load(const Load& load, int curve, Index node) {
   const std::string entry = fresh_name("force");
   const ValueMaker m = maker(load.place, "forces", entry);
-  Point moment = load.moment;
-  if (role(node) == NodeRole::mean_reference) {  // its frame stands at the mean of the nodes
-    const Point mean = mean_of(node);
-    const Point arm = {at(node)[0] - mean[0], at(node)[1] - mean[1], at(node)[2] - mean[2]};
-    for (std::size_t d = 0; d < 3; ++d) {
-      const std::size_t e = (d + 1) % 3, g = (d + 2) % 3;
-      moment[d] += arm[e] * load.force[g] - arm[g] * load.force[e];
-    }
-  }
-  add_force(m, entry, frame(m, node), load.force, moment, curve);
+  add_force(m, entry, frame(m, node), load.force, load.moment, curve);
 }
 
 void Taker::add_force(const ValueMaker& m, const std::string& entry, Value a, const Point& force, const Point& moment,
@@ -98,35 +90,105 @@ void Taker::pressures() {
   }
 }
 
-bool Taker::weighs() const {
-  return choice_.takes(DeckKind::gravity) &&
+bool Taker::acts(const DeckBodyLoad& load) const {
+  return choice_.takes(load.label == "GRAV" ? DeckKind::gravity : DeckKind::dload) &&
          !(deck_.step.kind == DeckStep::Kind::modes && choice_.takes(DeckKind::step));
 }
 
-void Taker::gravity() {
-  if (deck_.gravity.empty() || !weighs()) return;
-  // Solids on which it acts; it must be all of them.
-  std::vector<Point> at_element(static_cast<std::size_t>(deck_.mesh.element_count()));
-  for (const DeckGravity& g : deck_.gravity) {
-    std::vector<Index> elements = g.elements;
-    if (g.set.empty())
-      for (Index e = 0; e < deck_.mesh.element_count(); ++e) elements.push_back(e);
-    for (const Index e : elements)
-      for (std::size_t d = 0; d < 3; ++d) at_element[static_cast<std::size_t>(e)][d] += g.acceleration[d];
+double Taker::factor_of(const DeckBodyLoad& load) const {
+  return load.curve >= 0 && deck_.step.kind != DeckStep::Kind::motion ? at_end(load.curve) : 1;
+}
+
+void Taker::body_loads() {
+  std::vector<Index> solids;
+  for (Index e = 0; e < deck_.mesh.element_count(); ++e)
+    if (shape_of(deck_.mesh.type(e)).dimension == 3) solids.push_back(e);
+  const bool motion = deck_.step.kind == DeckStep::Kind::motion;
+  // What weighs all solids alike is the gravity of the body.
+  std::optional<Point> weight;
+  bool alike = true;
+  std::map<Index, const DeckBodyLoad*> spins;
+  for (const DeckBodyLoad& load : deck_.body_loads) {
+    if (!acts(load)) continue;
+    if (load.label == "CENTRIF")
+      for (const Index e : load.set.empty() ? solids : load.elements)
+        if (const auto [known, fresh] = spins.emplace(e, &load); !fresh)
+          dynamics::fail(load.place, fmt::format("element {} turns by this CENTRIF and by that of line {}",
+                                                 element_name(deck_.mesh, e), known->second->place.line));
+    if (load.label != "GRAV") continue;
+    const bool all =
+        load.set.empty() || std::includes(load.elements.begin(), load.elements.end(), solids.begin(), solids.end());
+    const bool none = !load.set.empty() && load.elements.empty();  // of masses alone
+    alike = alike && (all || none) && !(motion && load.curve >= 0);
+    if (none) continue;
+    if (!weight) weight = Point{};
+    for (std::size_t d = 0; d < 3; ++d) (*weight)[d] += factor_of(load) * load.acceleration[d];
   }
-  std::optional<Point> all;
-  for (Index e = 0; e < deck_.mesh.element_count(); ++e) {
-    if (shape_of(deck_.mesh.type(e)).dimension < 3) continue;
-    const Point& here = at_element[static_cast<std::size_t>(e)];
-    if (all && *all != here)
-      dynamics::fail(deck_.gravity.front().place,
-                     fmt::format("gravity acts otherwise on element {} than on others: it must be "
-                                 "the same for all solids of a body",
-                                 element_name(deck_.mesh, e)));
-    all = here;
+  for (const DeckBodyLoad& load : deck_.body_loads)
+    if (acts(load) && !(alike && load.label == "GRAV")) add_body_load(load, solids);
+  if (!weight || !alike) return;
+  const ValueMaker m(deck_.body_loads.front().place, fmt::format("bodies.{}.gravity", body_));
+  out_.body_keys.emplace_back("gravity", m.vector(*weight));
+}
+
+void Taker::add_body_load(const DeckBodyLoad& load, const std::vector<Index>& solids) {
+  std::vector<Index> elements = load.elements;
+  std::erase_if(elements, [&](Index e) { return !std::binary_search(solids.begin(), solids.end(), e); });
+  if (!load.set.empty() && elements.empty()) return;
+  const std::string entry = fresh_name("body_load");
+  const ValueMaker m = maker(load.place, "forces", entry);
+  Value value = m.table({{"type", m.text("load")}, {"body", m.text(body_)}});
+  if (!load.set.empty()) {
+    out_.element_sets["deck-" + entry] = elements;
+    value.entries.emplace_back("element_set", m.text("deck-" + entry));
   }
-  const ValueMaker m(deck_.gravity.front().place, fmt::format("bodies.{}.gravity", body_));
-  if (all) out_.body_keys.emplace_back("gravity", m.vector(*all));
+  const double factor = factor_of(load);
+  const auto scaled = [&](double by, Point x) {
+    for (double& component : x) component *= by;
+    return m.vector(x);
+  };
+  if (load.acceleration != Point{}) value.entries.emplace_back("acceleration", scaled(factor, load.acceleration));
+  if (load.per_volume != Point{}) value.entries.emplace_back("force_density", scaled(factor, load.per_volume));
+  if (load.label == "CENTRIF") {
+    if (factor < 0) dynamics::fail(load.place, "the AMPLITUDE of a CENTRIF is negative at the end of the step");
+    value.entries.emplace_back("angular_velocity", scaled(std::sqrt(factor), load.spin));
+    value.entries.emplace_back("point", m.vector(load.point));
+  } else if (load.acceleration == Point{} && load.per_volume == Point{}) {
+    return;
+  }
+  if (load.curve >= 0 && deck_.step.kind == DeckStep::Kind::motion)
+    value.entries.emplace_back("factor", m.text(spline(load.curve) + "(t)"));
+  add("forces", entry, std::move(value));
+}
+
+void Taker::load_mass(const DeckMass& mass, const std::string& entry, const Point& place, Value& body) {
+  Point weight{}, force{};
+  for (const std::size_t k : mass.loads) {
+    const DeckBodyLoad& load = deck_.body_loads[k];
+    if (!acts(load)) continue;
+    if (load.curve >= 0 && deck_.step.kind == DeckStep::Kind::motion)
+      dynamics::fail(
+          load.place,
+          fmt::format("the AMPLITUDE of this load on the mass of node {} is not taken in a motion", name(mass.node)));
+    for (std::size_t d = 0; d < 3; ++d) weight[d] += factor_of(load) * load.acceleration[d];
+    if (load.label != "CENTRIF") continue;
+    const bool turns = std::any_of(mass.inertia.begin(), mass.inertia.end(), [](double x) { return x != 0; });
+    if (turns || deck_.step.large || deck_.step.kind == DeckStep::Kind::motion)
+      dynamics::fail(load.place,
+                     fmt::format("CENTRIF acts on the mass of node {}: that is taken in linear statics, of masses "
+                                 "without moments of inertia",
+                                 name(mass.node)));
+    double along = 0, square = 0;
+    for (std::size_t d = 0; d < 3; ++d) {
+      along += load.spin[d] * (place[d] - load.point[d]);
+      square += load.spin[d] * load.spin[d];
+    }
+    for (std::size_t d = 0; d < 3; ++d)
+      force[d] += factor_of(load) * mass.mass * (square * (place[d] - load.point[d]) - along * load.spin[d]);
+  }
+  const ValueMaker m = maker(mass.place, "forces", entry + "_load");
+  if (weight != Point{}) body.entries.emplace_back("gravity", m.vector(weight));
+  if (force != Point{}) add_force(m, entry + "_load", m.text(entry), force, Point{}, -1);
 }
 
 }  // namespace espalier::dynamics::model

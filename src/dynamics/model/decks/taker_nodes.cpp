@@ -112,7 +112,7 @@ void Taker::masses() {
                                  name(mass.node)));
     Value body = m.table(
         {{"type", m.text(rigid ? "rigid" : "point")}, {"mass", m.number(mass.mass)}, {"position", m.vector(place)}});
-    if (weighs() && mass.gravity != Point{}) body.entries.emplace_back("gravity", m.vector(mass.gravity));
+    load_mass(mass, entry, place, body);
     if (rigid) {
       const auto& i = mass.inertia;
       body.entries.emplace_back("inertia", m.list({m.vector({i[0], i[3], i[4]}), m.vector({i[3], i[1], i[5]}),

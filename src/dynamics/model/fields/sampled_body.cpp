@@ -10,6 +10,7 @@
 #include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
+#include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/elements/strain_material.hpp"
 #include "dynamics/model/frames/labels.hpp"
 
@@ -40,6 +41,27 @@ std::vector<double> strained_by(const ReducedBody& body, const State& s, double 
   const auto reference = body.nodal().reference();
   for (std::size_t i = 0; i < x.size(); ++i) x[i] = reference[i] + share * (x[i] - reference[i]);
   return x;
+}
+
+/// In axes that turn with the material. @param linear  of small strains
+void stress_by(Material law, const double (&strain)[6], bool linear, double (&stress)[6]) {
+  if (linear) law.law = SolidLaw::st_venant_kirchhoff;
+  StrainStress s;
+  if (!StrainMaterial(law).stress(strain, s)) {
+    std::fill_n(stress, 6, std::numeric_limits<double>::quiet_NaN());
+    return;
+  }
+  std::copy_n(s.s, 6, stress);
+  if (linear) return;
+  Mat3 twice, second;  // C - I
+  for (int m = 0; m < 6; ++m) {
+    const auto [i, j] = kShearPairs[m];
+    twice(i, j) = twice(j, i) = m < 3 ? 2 * strain[m] : strain[m];
+    second(i, j) = second(j, i) = s.s[m];
+  }
+  if (!twice.allFinite()) return;
+  const Mat3 u = stretch_of(twice), cauchy = u * second * u / u.determinant();
+  for (int m = 0; m < 6; ++m) stress[m] = cauchy(kShearPairs[m][0], kShearPairs[m][1]);
 }
 
 }  // namespace
@@ -120,29 +142,16 @@ void SampledBody::sample_element(Index e, const double* position, bool with_ener
 }
 
 void SampledBody::stress_of(const double (&strain)[6], bool linear, double (&stress)[6]) const {
-  Material law = material_;
-  if (linear) law.law = SolidLaw::st_venant_kirchhoff;
-  StrainStress s;
-  if (!StrainMaterial(law).stress(strain, s)) {
-    std::fill_n(stress, 6, std::numeric_limits<double>::quiet_NaN());
-    return;
-  }
-  std::copy_n(s.s, 6, stress);
-  if (linear) return;
-  Mat3 twice, second;  // C - I
-  for (int m = 0; m < 6; ++m) {
-    const auto [i, j] = kShearPairs[m];
-    twice(i, j) = twice(j, i) = m < 3 ? 2 * strain[m] : strain[m];
-    second(i, j) = second(j, i) = s.s[m];
-  }
-  if (!twice.allFinite()) return;
-  const Mat3 u = stretch_of(twice), cauchy = u * second * u / u.determinant();
-  for (int m = 0; m < 6; ++m) stress[m] = cauchy(kShearPairs[m][0], kShearPairs[m][1]);
+  stress_by(material_, strain, linear, stress);
 }
 
 void SampledBody::stresses(Index e, bool linear, std::size_t at, FieldTable& out) const {
+  const Material* solid = material_of(*element(e).group);
   for (std::size_t q = 0; q < points_of(points(e)).size(); ++q)
-    stress_of(out.strain[at].value[q], linear, out.stress[at].value[q]);
+    if (solid != nullptr)
+      stress_by(*solid, out.strain[at].value[q], linear, out.stress[at].value[q]);
+    else
+      stress_of(out.strain[at].value[q], linear, out.stress[at].value[q]);
 }
 
 FieldTable SampledBody::sample(const State& s, std::span<const Index> which, base::ThreadPool* pool,
