@@ -1,8 +1,9 @@
 #include "dynamics/contact/solid_contact.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <stdexcept>
 
@@ -51,12 +52,11 @@ void SolidContact::check_points() const {
     largest = std::max(largest, first_.face(f).size);
   }
   if (sum <= kMost) return;
-  char text[200];
-  std::snprintf(text, sizeof text,
-                "the shape is too small for its faces, which would need %.3g points of integration so that it does not "
-                "pass between them: its radius is %g, faces are up to %g long; divide the mesh where it touches",
-                sum, round_radius(shape_.shape), largest);
-  throw std::invalid_argument("'" + first_.name() + "': " + text);
+  throw std::invalid_argument(fmt::format(
+      "'{}': the shape is too small for its faces, which would need {:.3g} points of integration so that it "
+      "does not pass between them: its radius is {:g}, faces are up to {:g} long; divide the mesh where it "
+      "touches",
+      first_.name(), sum, round_radius(shape_.shape), largest));
 }
 
 SolidContact::SolidContact(std::string name, const ContactLaw& law, FaceSurface first, FaceSurface second,
