@@ -5,8 +5,8 @@
   bench/dynamics/meshes_beside_readers.py FOLDER [--program build/release/espalier]
 
 For every mesh of the folder that one of the two reads: the volume and the centre of its solids, by integration of their own shape functions
-(27 points, exact for what is read), beside `espalier mesh FILE --json`; and their mass, where the file states a density. What neither
-reads is listed.
+(125 points, exact for what is read), beside `espalier mesh FILE --json`; and density times volume of each section with a density: of .inp
+files by meshio's element sets, of Nastran's by pyNastran's properties and materials. What neither reads is listed.
 """
 import argparse
 import gzip

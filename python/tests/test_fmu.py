@@ -154,7 +154,7 @@ type = "point"
 mass = 3
 position = [2, 0.5, 0.2]
 [bodies.c]
-type = "flexible"
+type = "solid"
 mesh = { box = [1, 1, 2], size = [0.1, 0.1, 0.6], at = [3, 0, 0] }
 material = { density = 800, young = 1e6, poisson = 0.3 }
 [forces.spring]

@@ -98,9 +98,10 @@ def test_range_inherited_by_a_class(tmp_path):
 
 
 def test_free_joints_say_what_they_lose(tmp_path):
-    path = mjcf(tmp_path, f'<default><joint damping="1" armature="0.3"/></default><worldbody><body name="f"><joint type="free"/>{BOB}</body></worldbody>')
+    path = mjcf(tmp_path, f'<default><joint frictionloss="1" armature="0.3"/></default><worldbody><body name="f"><joint type="free"/>{BOB}</body>'
+                f'<body name="g"><joint type="ball"/>{BOB}</body></worldbody>')
     notices = " ".join(esp.Model.from_mjcf(path).notices)
-    assert "1 armature of ball and free joints" in notices and "1 damping and springs of free joints" in notices
+    assert "2 friction loss of ball and free joints" in notices and "1 armature of ball joints" in notices
 
 
 def test_part_of_a_body_without_weight(tmp_path):
@@ -196,8 +197,8 @@ def test_spring_and_damping_of_a_free_joint(tmp_path):
 
 
 def test_replicate(tmp_path):
-    """Names and places as MuJoCo 4.0.0 has them: the number goes behind the name, the inner one first, and each copy stands in the frame of the
-    one before. Who names a copied joint is copied, too."""
+    """Names and places as MuJoCo 4.0.0 has them: the number goes behind the name, the inner one first; the angles are multiplied, and each copy
+    stands in the axes of the one before. Who names a copied joint is copied, too."""
     path = mjcf(tmp_path, '<worldbody><replicate count="11" offset="0.1 0.2 0" euler="0 0 1.5707963267948966" sep="-"><body name="b" pos="1 0 0">'
                 f'<joint name="h" axis="0 1 0"/>{BOB}</body></replicate><body name="arm"><joint name="a" axis="0 1 0"/>{BOB}'
                 '<replicate count="3" offset="0 0 0.1" euler="0.17453292519943295 0 0.3490658503988659"><replicate count="2" offset="0.01 0 0" sep="_">'

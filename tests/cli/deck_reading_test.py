@@ -41,7 +41,7 @@ class DecksOfStrangers(Cli):
     def refused(self, deck, *says, name="bar.inp", more=""):
         self.file(name, deck)
         model = self.file("bar.toml", f'bodies.bar = {{ type = "solid", mesh = {{ file = "{name}", take = "all"{more} }} }}\n')
-        self.expect(1, "simulate", model, "--no-page", says=(name + ":",) + says)
+        self.expect(2, "simulate", model, "--no-page", says=(name + ":",) + says)
 
     def test_blanks_tabs_comments_and_line_ends(self):
         ugly = BAR.replace("*NODE", "** first\n  ** a comment behind blanks\n\t *Node").replace(
@@ -61,7 +61,7 @@ class DecksOfStrangers(Cli):
     def test_faults_in_other_files_are_named_there(self):
         self.file("nodes.inp", "*NODE\n" + NODES + "*NSET, NSET=GAPS\nNOWHERE\n")
         mesh = self.file("bar.inp", "** first\n*INCLUDE, INPUT=nodes.inp\n*ELEMENT, TYPE=C3D8, ELSET=BAR\n" + ELEMENTS)
-        self.expect(1, "mesh", mesh, says="nodes.inp:15: node set NOWHERE is not defined")
+        self.expect(2, "mesh", mesh, says="nodes.inp:15: node set NOWHERE is not defined")
 
     def test_sets_of_the_nodes_of_elements_and_free_surfaces(self):
         # The second cube moves as a whole: the first one alone is strained.
@@ -124,6 +124,23 @@ class DecksOfStrangers(Cli):
         large = (BAR + CLAMP + "*STEP, NLGEOM\n*STATIC\n" + PULL + "*END STEP\n" + STATIC + f"*CLOAD\nX2, 1, {force!r}\n")
         self.assertAlmostEqual(self.end(large, more=", step = 2")[0], 0.2, delta=1e-9)
 
+    def test_gravity_in_another_direction(self):
+        # rho g l^2 / (2 E) = 2 * 4 * 4 / 2000; CalculiX adds the second one, others replace the first.
+        weight = BAR + CLAMP + STATIC + "*DLOAD\nBAR, GRAV, 4., 0.,1.,0.\n*END STEP\n" + STATIC
+        self.refused(weight + "*DLOAD\nBAR, GRAV, 4., 1.,0.,0.\n", "*DLOAD GRAV in another direction than in the step before, without OP=NEW", more=", step = 2")
+        moved, _ = self.end(weight + "*DLOAD, OP=NEW\nBAR, GRAV, 4., 1.,0.,0.\n", more=", step = 2")
+        self.assertAlmostEqual(moved, 16e-3, delta=1e-13)
+
+    def test_new_loads_of_faces_once_in_a_step(self):
+        faces = "*SURFACE, NAME=END\n2, S4\n"
+        both = "*DLOAD, OP=NEW\n2, P4, -1.\n*DSLOAD, OP=NEW\nEND, P, -3.\n"
+        self.same(BAR + faces + CLAMP + STATIC + "*DLOAD\n2, P4, -7.\n*END STEP\n" + STATIC + both, more=", step = 2")
+
+    def test_motions_without_nlgeom_are_said(self):
+        moved, said = self.end(BAR + CLAMP + "*STEP\n*DYNAMIC, EXPLICIT\n0.01, 0.02\n" + PULL)
+        self.assertIn("the step has no NLGEOM", said)
+        self.assertIn("*DYNAMIC EXPLICIT", said)
+
     def test_formulations_that_are_others_are_said(self):
         for types in (("C3D8R", "C3D8R"), ("C3D8", "C3D8I")):
             deck = BAR.replace("TYPE=C3D8,", f"TYPE={types[0]},").replace("\n2, 2,3", f"\n*ELEMENT, TYPE={types[1]}, ELSET=BAR\n2, 2,3")
@@ -147,6 +164,7 @@ class DecksOfStrangers(Cli):
         self.refused(CASE + summed, "LOAD = 12", name="bar.bdf")
 
     def test_case_control_of_nastran(self):
+        self.file("case.inc", "SPC=1\n")
         self.refused(CASE.replace("SPC=1\n", "INCLUDE 'case.inc'\n") + BULK + FORCES, "INCLUDE before BEGIN BULK", name="bar.bdf")
         self.refused(CASE.replace("LOAD=2", "SYM 1\nLOAD=2\nSYM 2\nLOAD=2") + BULK + FORCES, "SYM", name="bar.bdf")
 

@@ -130,6 +130,10 @@ class InpDeckReader {
       deck_.notices.push_back(fmt::format(
           "{}:{}: the step has no NLGEOM, which would leave out what large displacements do; here they count",
           card.place.file, card.place.line));
+    if (card.keyword.has("EXPLICIT"))
+      deck_.notices.push_back(
+          fmt::format("{}:{}: *DYNAMIC EXPLICIT is run implicitly, with consistent masses instead of lumped ones",
+                      card.place.file, card.place.line));
     if (step.kind == DeckStep::Kind::motion && moved_before_)
       leave(DeckKind::step, "*DYNAMIC from where the steps before it have led", card);
     step.increment = f.real(0, "first increment", 1);

@@ -15,7 +15,7 @@ void read_gear_pair(Section& s, JointSpec& j, Description& /*model*/) {
   j.inner = s.choice("inner", {"none", "a", "b"}, 0) - 1;
   if (j.inner >= 0 && !(j.teeth[static_cast<std::size_t>(j.inner)] > j.teeth[static_cast<std::size_t>(1 - j.inner)]))
     fail(s.place("inner"), "the wheel with inner teeth must have more of them than the one inside it");
-  read_pressure_angle(s, j);
+  j.pressure_angle = checked_pressure_angle(s.number("pressure_angle", 0), s.place("pressure_angle"));
 }
 
 void check_gear_pair(JointSpec& j, const FrameBuilder& frames) {
@@ -50,10 +50,10 @@ std::unique_ptr<Joint> make_gear_pair(const JointSpec& j, std::vector<FramePtr> 
 
 }  // namespace
 
-void read_pressure_angle(Section& s, JointSpec& j) {
-  j.pressure_angle = s.number("pressure_angle", 0);
-  if (!(j.pressure_angle >= 0 && j.pressure_angle < std::numbers::pi / 2))
-    fail(s.place("pressure_angle"), "must lie between 0 and a right angle; involute teeth mostly have 20 degrees");
+double checked_pressure_angle(double angle, const Place& place) {
+  if (!(angle >= 0 && angle < std::numbers::pi / 2))
+    fail(place, "must lie between 0 and a right angle; involute teeth mostly have 20 degrees");
+  return angle;
 }
 
 // Each wheel with outer teeth is pressed away from the pitch point: two of them apart, one inside another one towards

@@ -23,7 +23,7 @@ namespace {
 void read_rack_pair(Section& s, JointSpec& j, Description& /*model*/) {
   j.parameter = read_measure(s, "radius", j.measured);
   if (!j.measured && !(j.parameter > 0)) fail(s.place("radius"), "must be greater than 0");
-  read_pressure_angle(s, j);
+  j.pressure_angle = checked_pressure_angle(s.number("pressure_angle", 0), s.place("pressure_angle"));
 }
 
 std::unique_ptr<Joint> make_rack_pair(const JointSpec& j, std::vector<FramePtr> f, const JointStart& start) {

@@ -15,8 +15,8 @@ void check_crossing(JointSpec& j, const FrameBuilder& frames);
 [[nodiscard]] constexpr bool has_spur_teeth(JointType type) {
   return type == JointType::gear_pair || type == JointType::rack_pair;
 }
-/// Reads `pressure_angle`.
-void read_pressure_angle(Section& s, JointSpec& j);
+/// @throws Error(invalid_input) for an angle below 0 or from a right angle on
+[[nodiscard]] double checked_pressure_angle(double angle, const Place& place);
 /// The coordinate along which the teeth of a gear pair or a rack pair press its frames apart (factor 1), or together
 /// (factor -1: inner teeth).
 struct Separation {

@@ -183,6 +183,17 @@ Attributes MjcfText::attributes(const Element& element, const std::string& child
   return Attributes(std::move(chain));
 }
 
+Mat3 MjcfText::of_euler(const Vec3& angles) const {
+  Mat3 r = Mat3::Identity();
+  for (std::size_t k = 0; k < 3; ++k) {
+    const char letter = compiler_.euler[k];
+    const int axis = letter >= 'x' ? letter - 'x' : letter - 'X';
+    const Mat3 turn = about(Vec3::Unit(axis), compiler_.angle * angles[static_cast<int>(k)]);
+    r = letter >= 'x' ? Mat3(r * turn) : Mat3(turn * r);
+  }
+  return r;
+}
+
 std::optional<Mat3> MjcfText::rotation_of(const Element& e) const {
   if (e.has("quat")) {
     const std::vector<double> q = e.numbers("quat", 4, 4);
@@ -195,17 +206,7 @@ std::optional<Mat3> MjcfText::rotation_of(const Element& e) const {
     if (!(axis.norm() > 0)) e.fail("the axis of 'axisangle' must not be zero");
     return about(axis.normalized(), x[3] * compiler_.angle);
   }
-  if (e.has("euler")) {
-    const Vec3 angles = compiler_.angle * e.vector("euler", Vec3::Zero());
-    Mat3 r = Mat3::Identity();
-    for (std::size_t k = 0; k < 3; ++k) {
-      const char letter = compiler_.euler[k];
-      const int axis = letter >= 'x' ? letter - 'x' : letter - 'X';
-      const Mat3 turn = about(Vec3::Unit(axis), angles[static_cast<int>(k)]);
-      r = letter >= 'x' ? Mat3(r * turn) : Mat3(turn * r);
-    }
-    return r;
-  }
+  if (e.has("euler")) return of_euler(e.vector("euler", Vec3::Zero()));
   if (e.has("xyaxes")) {
     const std::vector<double> v = e.numbers("xyaxes", 6, 6);
     const Vec3 x = Vec3(v[0], v[1], v[2]).normalized(), given(v[3], v[4], v[5]);

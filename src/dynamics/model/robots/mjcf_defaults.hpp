@@ -65,6 +65,8 @@ class MjcfText {
   /// quat, axisangle, euler, xyaxes or zaxis; none: no turn.
   [[nodiscard]] Mat3 rotation(const Attributes& a) const;
   [[nodiscard]] Pose pose(const Attributes& a) const;
+  /// Of three angles in the compiler's unit, about the axes of `eulerseq`.
+  [[nodiscard]] Mat3 of_euler(const Vec3& angles) const;
   /// A range that limits: `limited` says so, or it is left to `autolimits` and the range rises.
   [[nodiscard]] std::optional<std::array<double, 2>> limits(const Attributes& a, const char* limited,
                                                             const char* range) const;
