@@ -47,7 +47,7 @@ PARTS = {
         ("parallel-axes", "", "limits friction", ""), ("in-plane", "", "friction", ""), ("in-line", "", "limits friction", ""),
         ("point-on-curve", "read_point_on_curve", "points file scale closed ends motion from limits friction", ""),
         ("point-on-surface", "read_form read_heights", "shape radius rim angle half_axes x y heights friction", "shape"),
-        ("gear-pair", "read_gear_pair", "teeth inner", "teeth"), ("rack-pair", "read_rack_pair", "radius", ""),
+        ("gear-pair", "read_gear_pair", "teeth inner pressure_angle friction", "teeth"), ("rack-pair", "read_rack_pair", "radius pressure_angle friction", ""),
         ("worm", "read_worm", "lead radius friction", "lead radius"))}
     | {"cable": ("read_joint read_through read_attach read_cable_joint", "type through length pull attach active", "through")},
     "forces": {

@@ -214,11 +214,15 @@ class Parts:
             each x
         heights: table [length]. z = f(x, y): places of a grid along x and y, rising, and a row of heights for each x
 
-        type "gear-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
+        type "gear-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, friction as above):
         teeth: list of numbers, needed. of both wheels, or any two numbers in proportion to their radii, [20, 35]
         inner: one of none, a, b, default none. which wheel has inner teeth: "a", "b" or none
+        pressure_angle: number [angle], default 0. of the teeth of a gear pair or a rack pair, in radians
+            ("20*pi/180"): they press each wheel away from the pitch point by its tangent times the tooth force,
+            whichever way this goes
 
-        type "rack-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, radius as above)
+        type "rack-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, radius, pressure_angle,
+            friction as above)
 
         type "worm" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, lead, radius, friction as above)
 

@@ -1332,7 +1332,7 @@ class Parts:
         self, name: str, /, type: Literal["gear-pair"], *, teeth: Numbers, a: str | Frame = ..., b: str | Frame = ...,
         bodies: Texts = ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector =
         ..., pull: bool = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., inner: Literal["none", "a",
-        "b"] = ...
+        "b"] = ..., pressure_angle: Number = ..., friction: Friction = ...
     ) -> str:
         """Adds [joints.NAME], type "gear-pair", and returns the name.
 
@@ -1351,12 +1351,17 @@ class Parts:
         active: true or false, default true
         teeth: list of numbers, needed. of both wheels, or any two numbers in proportion to their radii, [20, 35]
         inner: one of none, a, b, default none. which wheel has inner teeth: "a", "b" or none
+        pressure_angle: number [angle], default 0. of the teeth of a gear pair or a rack pair, in radians
+            ("20*pi/180"): they press each wheel away from the pitch point by its tangent times the tooth force,
+            whichever way this goes
+        friction: {...}
         """
     @overload
     def joint(
         self, name: str, /, type: Literal["rack-pair"], *, a: str | Frame = ..., b: str | Frame = ..., bodies: Texts =
         ..., at: Vector = ..., rotation: Vector | Rotation = ..., axis: Vector = ..., x_axis: Vector = ..., pull: bool
-        = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., radius: Number = ...
+        = ..., attach: Literal["mean", "rigid"] = ..., active: bool = ..., radius: Number = ..., pressure_angle:
+        Number = ..., friction: Friction = ...
     ) -> str:
         """Adds [joints.NAME], type "rack-pair", and returns the name.
 
@@ -1374,6 +1379,10 @@ class Parts:
             rotation are held, and the face may bend and warp
         active: true or false, default true
         radius: number [length]
+        pressure_angle: number [angle], default 0. of the teeth of a gear pair or a rack pair, in radians
+            ("20*pi/180"): they press each wheel away from the pitch point by its tangent times the tooth force,
+            whichever way this goes
+        friction: {...}
         """
     @overload
     def joint(

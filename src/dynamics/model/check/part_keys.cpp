@@ -97,9 +97,9 @@ std::span<const PartKeys> all_part_keys() {
        "type a b bodies at rotation axis x_axis pull attach active shape radius rim angle half_axes x y "
        "heights friction"},
       {"joints", "gear-pair",
-       "type a b bodies at rotation axis x_axis pull attach active teeth inner"},
+       "type a b bodies at rotation axis x_axis pull attach active teeth inner pressure_angle friction"},
       {"joints", "rack-pair",
-       "type a b bodies at rotation axis x_axis pull attach active radius"},
+       "type a b bodies at rotation axis x_axis pull attach active radius pressure_angle friction"},
       {"joints", "worm",
        "type a b bodies at rotation axis x_axis pull attach active lead radius friction"},
       {"joints", "cable",
