@@ -120,8 +120,8 @@ def elbow(pieces=4):
 PORTAL = ({1: (0, 0, 0), 2: (0, 0, 2), 3: (3, 0, 2), 4: (3, 0, 0), 5: (1.5, 0, 2), 6: (1.5, 1, 2)}, [(1, 2), (2, 5), (5, 3), (4, 3), (5, 6)])
 
 
-def check(path, nodes, elements, section, y, held, loads, rel=1e-6, **keys):
-    stiffness, _, first = frame(nodes, elements, section, y)
+def check(path, nodes, elements, section, towards, held, loads, rel=1e-6, **keys):
+    stiffness, _, first = frame(nodes, elements, section, towards)
     u = solved(stiffness, first, held, loads)
     tips = [n for n in nodes if n not in held]
     found = displacements(model_of(path, held, loads, tips, **keys), nodes, tips)

@@ -7,6 +7,8 @@
 
 #include "base/at.hpp"
 #include "dynamics/forces/vector_function.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -32,9 +34,9 @@ std::vector<Index> elements_at(const SampledBody& samples, const Where& where) {
   if (where.kind != Where::Kind::set && where.kind != Where::Kind::elements)
     throw std::invalid_argument(fmt::format(
         "strain energy is that of elements: {0}.strain_energy, {0}[element 7], {0}[SET OF ELEMENTS]", name));
-  const auto* shell = std::get_if<ShellSpec>(&samples.body().spec.shape);
-  const Mesh* mesh = shell != nullptr ? shell->mesh.get() : samples.body().mesh.get();
+  const Mesh* mesh = named_mesh(samples.body());
   if (mesh == nullptr) throw std::invalid_argument(fmt::format("'{}' has no sets; write {}[element 2]", name, name));
+  if (line_file(samples.body()) != nullptr) return mesh->element_set(where.set);  // halves of elements have one label
   for (const Index e : mesh->element_set(where.set))
     if (const Index own = samples.find_element(mesh->element_label(e)); own >= 0) out.push_back(own);
   return out;
