@@ -115,23 +115,6 @@ TEST(GearPair, FrictionTakesItsShareOfThePower) {
   EXPECT_NEAR(std::abs(s.value("motor.moment.z")) * 30, 5 * 15 + lost, 1e-4 * lost);
 }
 
-TEST(RackPair, TeethAtAPressureAnglePressThePinionOff) {
-  // The pinion, above the rack, is turned against a cart that is held: it is lifted by tan(angle) times what it pulls.
-  for (const int way : {1, -1}) {
-    std::string text = rack_and_cart(
-        "fixed",
-        fmt::format("[forces.spin]\ntype = \"load\"\na = {{ body = \"pinion\" }}\nmoment = [0, 0, {}]\n", way * 6) +
-            kAccurate + "end = 0.1\n");
-    text.replace(text.find("\"prismatic\""), 11, "\"fixed\"");
-    text.insert(text.find("a = { body = \"rack\""), "pressure_angle = \"pi / 9\"\n");
-    const Simulation s = simulated(text);
-    const double pull = 6 / 0.2;
-    EXPECT_NEAR(std::abs(s.value("teeth.tooth_force")), pull, 1e-6);
-    EXPECT_NEAR(s.value("slide.force.y"), pull * std::tan(kPi / 9), 1e-6);  // holds the rack, which is pressed down
-    EXPECT_NEAR(s.value("teeth.separating_force"), pull * std::tan(kPi / 9), 1e-6);
-  }
-}
-
 TEST(GearPair, MovesWithItsFrameOfReference) {
   // Two free wheels far from everything, no carrier: momentum stays, and the pitch circles roll.
   const Simulation s =
@@ -172,6 +155,23 @@ std::string rack_and_cart(const std::string& rack, const std::string& more, doub
          "\"\n[joints.teeth]\ntype = \"rack-pair\"\na = { body = \"rack\", axis = [1, 0, 0] }\nb = { body = "
          "\"pinion\", axis = [0, 0, 1] }\n" +
          more;
+}
+
+TEST(RackPair, TeethAtAPressureAnglePressThePinionOff) {
+  // The pinion, above the rack, is turned against a cart that is held: it is lifted by tan(angle) times what it pulls.
+  for (const int way : {1, -1}) {
+    std::string text = rack_and_cart(
+        "fixed",
+        fmt::format("[forces.spin]\ntype = \"load\"\na = {{ body = \"pinion\" }}\nmoment = [0, 0, {}]\n", way * 6) +
+            kAccurate + "end = 0.1\n");
+    text.replace(text.find("\"prismatic\""), 11, "\"fixed\"");
+    text.insert(text.find("a = { body = \"rack\""), "pressure_angle = \"pi / 9\"\n");
+    const Simulation s = simulated(text);
+    const double pull = 6 / 0.2;
+    EXPECT_NEAR(std::abs(s.value("teeth.tooth_force")), pull, 1e-6);
+    EXPECT_NEAR(s.value("slide.force.y"), pull * std::tan(kPi / 9), 1e-6);  // holds the rack, which is pressed down
+    EXPECT_NEAR(s.value("teeth.separating_force"), pull * std::tan(kPi / 9), 1e-6);
+  }
 }
 
 TEST(RackPair, PinionRollsOnARackAtRest) {
