@@ -155,15 +155,17 @@ mass = 3
 position = [2, 0.5, 0.2]
 [bodies.c]
 type = "solid"
-mesh = { box = [1, 1, 2], size = [0.1, 0.1, 0.6], at = [3, 0, 0] }
+position = [3, 0, 0]
+mesh = { part = "block", lx = 0.1, ly = 0.1, lz = 0.6, divisions = [1, 1, 2] }
 material = { density = 800, young = 1e6, poisson = 0.3 }
 [forces.spring]
 type = "spring"
 a = "a"
 b = "b"
-stiffness = "80*(1 + inputs.valve^2)"
+stiffness = 80
 rest = 0.9
 damping = 0.5
+actuator = "30*inputs.valve^2"
 [forces.tie]
 type = "spring"
 a = "b"

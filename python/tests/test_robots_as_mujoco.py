@@ -217,7 +217,7 @@ def test_replicate(tmp_path):
     assert alone == pytest.approx(0, abs=1e-12) and driven == pytest.approx(swing(0, lambda t, q, w: 2)[0], abs=1e-6)
 
 
-@pytest.mark.parametrize("wrong, words", [('<replicate count="2.5"/>', "whole number"), ('<replicate/>', "needs the attribute 'count'"),
+@pytest.mark.parametrize("wrong, words", [('<replicate count="2.5"/>', "whole number"), ('<replicate/>', "'count' needs 1 numbers"),
                                           ('<replicate count="1e9"><replicate count="1e9"/></replicate>', "100,000 copies")])
 def test_replicate_refused(tmp_path, wrong, words):
     path = mjcf(tmp_path, f'<worldbody>{wrong}<body name="bob"><joint name="h"/>{BOB}</body></worldbody>')

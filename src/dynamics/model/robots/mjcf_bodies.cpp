@@ -114,11 +114,10 @@ class BodyReader {
   /// Its elements `count` times, with their number behind the names. As MuJoCo has them, copy k is turned by k times
   /// the angles, and stands an `offset` in the axes of the copy before from that one.
   void replicate(const Element& e, const Around& around) {
-    static_cast<void>(e.need("count"));
-    const double count = e.number("count", 0);
+    const double count = e.numbers("count", 1, 1)[0];
     if (!(count >= 0) || count != std::floor(count)) e.fail("'count' must be a whole number");
     const Vec3 offset = e.vector("offset", Vec3::Zero()), angles = e.vector("euler", Vec3::Zero());
-    Vec3 place = Vec3::Zero();
+    Pose copy;
     const std::size_t digits = std::to_string(std::max<long long>(0, std::llround(std::min(count, 1e9)) - 1)).size();
     Around inner = around;
     if (e.has("childclass")) inner.childclass = e.text("childclass");
@@ -127,10 +126,10 @@ class BodyReader {
       if (++copies_ > kMostCopies) e.fail("more than 100,000 copies are made by <replicate>");
       const std::string number = std::to_string(k);
       inner.suffix = e.text("sep") + std::string(digits - number.size(), '0') + number + around.suffix;
-      const Pose copy{place, text_.of_euler(static_cast<double>(k) * angles)};
+      copy.r = text_.of_euler(static_cast<double>(k) * angles);
       inner.frame = around.frame * copy;
       read_children(e, inner);
-      place = copy * offset;
+      copy.p = copy * offset;
     }
   }
 
