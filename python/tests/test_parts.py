@@ -55,7 +55,7 @@ GOOD = {
         "rolling": [{**PAIR, "radius": 1}, {"a": "m", "b": "n", "radius": 2}]},
     "forces": {
         **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("spring", "axial-spring", "rotational-spring", "bushing")},
-        "load": [{"a": "m"}], "pressure": [{"body": "b", "face": "f", "pressure": 1}],
+        "load": [{"a": "m"}, {"body": "b", "acceleration": [0, 0, 1]}], "pressure": [{"body": "b", "face": "f", "pressure": 1}],
         "guide": [{**part, "stiffness": 1, "smoothing": 1, "lengths": [1], "curvatures": [1]} for part in (PAIR, {"a": "m", "b": "n"})],
         "cable": [{"through": ["m", "n"], "stiffness": 1}],
         "torque-motor": [{**PAIR, "torque": 1}, {"a": "m", "b": "n", "torque": 1}],
