@@ -7,6 +7,7 @@
 
 #include "dynamics/bodies/reduced_frame.hpp"
 #include "dynamics/elements/line_point.hpp"
+#include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
 
 namespace espalier::dynamics::model {
@@ -122,9 +123,14 @@ std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const BuiltBody
   }
   const std::vector<Index> nodes = frames.nodes_of(where, body);
   if (shell != nullptr) return on_edges(body, *shell, edges_between(*shell, nodes));
+  std::map<Index, Index> first;  // of nodes where chains of a file meet
+  if (const LineFile* file = line_file(body))
+    for (const auto& pair : file->joined) first[pair[1]] = pair[0];
   std::erase_if(elements, [&](const LineElement& e) {
-    return !std::all_of(e.nodes.begin(), e.nodes.end(),
-                        [&](Index k) { return std::binary_search(nodes.begin(), nodes.end(), k); });
+    return !std::all_of(e.nodes.begin(), e.nodes.end(), [&](Index k) {
+      const auto known = first.find(k);
+      return std::binary_search(nodes.begin(), nodes.end(), known == first.end() ? k : known->second);
+    });
   });
   if (elements.empty()) throw std::invalid_argument("no element of the line lies between these nodes");
   return on_elements(body, elements);
