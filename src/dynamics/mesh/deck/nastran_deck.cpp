@@ -164,7 +164,6 @@ class NastranDeckReader {
     const auto& sections = deck_.mesh.section_material;
     return std::any_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == name; });
   }
-
   [[nodiscard]] Index grid(const NastranCard& card, std::size_t k) const { return grid_point(systems_, card, k); }
 
   /// Grid points of fields from `k` on: labels, and ranges of those that are defined ("1 THRU 9").
