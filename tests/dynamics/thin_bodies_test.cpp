@@ -48,7 +48,7 @@ void expect_derivatives(const std::string& text, const char* what) {
 
 TEST(ThinBodies, DerivativesOfTies) {
   expect_derivatives("[ties]\nedge = { body = \"wall\", edge = \"y0\", to = { body = \"floor\" } }\n", "a corner");
-  expect_derivatives("[ties]\nrib = { body = \"floor\", edge = \"y1\", to = { body = \"rib\" } }\n", "a rib");
+  expect_derivatives("[ties]\nseam = { body = \"floor\", edge = \"y1\", to = { body = \"rib\" } }\n", "a rib");
   expect_derivatives("[ties]\nend = { body = \"wall\", near = [0.5, 1, 0], to = { body = \"rib\" }, tolerance = 1 }\n",
                      "a shell on a beam");
 }
