@@ -117,15 +117,14 @@ class BodyReader {
     const double count = e.numbers("count", 1, 1)[0];
     if (!(count >= 0) || count != std::floor(count)) e.fail("'count' must be a whole number");
     const Vec3 offset = e.vector("offset", Vec3::Zero()), angles = e.vector("euler", Vec3::Zero());
-    Pose copy;
     const std::size_t digits = std::to_string(std::max<long long>(0, std::llround(std::min(count, 1e9)) - 1)).size();
     Around inner = around;
     if (e.has("childclass")) inner.childclass = e.text("childclass");
+    Pose copy;
     for (long long k = 0; static_cast<double>(k) < count; ++k) {
-      constexpr int kMostCopies = 100'000;
       if (++copies_ > kMostCopies) e.fail("more than 100,000 copies are made by <replicate>");
-      const std::string number = std::to_string(k);
-      inner.suffix = e.text("sep") + std::string(digits - number.size(), '0') + number + around.suffix;
+      const std::string last = std::to_string(k), number = std::string(digits - last.size(), '0') + last;
+      inner.suffix = e.text("sep") + number + around.suffix;
       copy.r = text_.of_euler(static_cast<double>(k) * angles);
       inner.frame = around.frame * copy;
       read_children(e, inner);
@@ -382,6 +381,7 @@ class BodyReader {
   std::vector<std::vector<Mass>> geom_masses_;  // of links
   std::vector<char> weighed_by_geoms_;          // of links
   std::set<std::string> names_, joint_names_, geom_names_, in_pairs_;
+  static constexpr int kMostCopies = 100'000;
   int copies_ = 0;
 };
 
