@@ -111,8 +111,7 @@ class BodyReader {
     }
   }
 
-  /// Its elements `count` times, with their number behind the names. As MuJoCo has them, copy k is turned by k times
-  /// the angles, and stands an `offset` in the axes of the copy before from that one.
+  /// As in MuJoCo, copy k is turned by k times the angles, and stands an `offset` in the axes of copy k - 1 from that.
   void replicate(const Element& e, const Around& around) {
     const double count = e.numbers("count", 1, 1)[0];
     if (!(count >= 0) || count != std::floor(count)) e.fail("'count' must be a whole number");
