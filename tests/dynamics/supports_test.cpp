@@ -295,7 +295,7 @@ TEST(Supports, RefuseWhatTheyCannotHold) {
       {"face", "a = { body = \"s\", face = \"x0\", hold = \"all\" }", {"edge of a shell"}},
       {"body", "a = { body = \"t\", edge = \"x0\", hold = \"all\" }", {"unknown body 't'"}},
       {"rigid", "a = { body = \"hub\", node = 1, hold = \"all\" }", {"no nodes", "joint"}},
-      {"beam", "a = { body = \"beam\", node = 1, hold = \"all\" }", {"fixed", "hold = \"xyz\""}},
+      {"beam", "a = { body = \"beam\", node = 1, symmetry = \"x\" }", {"planar joint", "hold = \"all\""}},
       {"edge of a solid", "a = { body = \"block\", edge = \"x0\", hold = \"all\" }", {"edge = [\"x0\", \"z1\"]"}},
       {"no such edge", "a = { body = \"block\", edge = [\"x0\", \"x1\"], hold = \"all\" }", {"no node in common"}},
       {"symmetry",
