@@ -16,7 +16,8 @@ constexpr MeshFormat kFormats[] = {
      "beams, trusses",
      "node sets, element sets, surfaces by name, in any case; of several instances `PART-1-1.SET`, and all of one as "
      "`PART-1-1.*`",
-     "*MATERIAL with *ELASTIC and *DENSITY, *SOLID SECTION; *PART, *INSTANCE; *INCLUDE of keywords and of data lines, "
+     "*MATERIAL with *ELASTIC and *DENSITY, *SOLID SECTION, also several; *PART, *INSTANCE; *INCLUDE of keywords and "
+     "of data lines, "
      "INPUT=; *NSET, ELSET=; surfaces without face labels; *NGEN, *NFILL, *NCOPY, *ELGEN, *ELCOPY; *SYSTEM, *NODE in "
      "cylindrical and spherical coordinates",
      "masses, springs, dashpots, connectors, rigid faces, couplings and other elements; supports, loads, steps: "
