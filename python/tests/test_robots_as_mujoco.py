@@ -199,21 +199,21 @@ def test_spring_and_damping_of_a_free_joint(tmp_path):
 def test_replicate(tmp_path):
     """Names and places as MuJoCo 4.0.0 has them: the number goes behind the name, the inner one first; the angles are multiplied, and each copy
     stands in the axes of the one before. Who names a copied joint is copied, too."""
-    path = mjcf(tmp_path, '<worldbody><replicate count="11" offset="0.1 0.2 0" euler="0 0 1.5707963267948966" sep="-"><body name="b" pos="1 0 0">'
+    path = mjcf(tmp_path, '<worldbody><replicate count="11" offset="0.1 0.2 0" euler="0 0 1.5707963267948966" sep="_"><body name="b" pos="1 0 0">'
                 f'<joint name="h" axis="0 1 0"/>{BOB}</body></replicate><body name="arm"><joint name="a" axis="0 1 0"/>{BOB}'
                 '<replicate count="3" offset="0 0 0.1" euler="0.17453292519943295 0 0.3490658503988659"><replicate count="2" offset="0.01 0 0" sep="_">'
                 '<site name="z"/></replicate></replicate></body></worldbody><actuator><motor name="m" joint="h"/><motor name="n" joint="a"/></actuator>')
     model = esp.Model.from_mjcf(path)
     tree = model.tree
-    assert [n for n in tree["bodies"] if n.startswith("b")] == [f"b-{k:02d}" for k in range(11)]
-    assert np.allclose(tree["bodies"]["b-03"]["position"], [-0.2, -0.9, -0.5])
-    assert np.allclose(tree["bodies"]["b-09"]["position"], [0.1, 1.2, -0.5])
+    assert [n for n in tree["bodies"] if n.startswith("b")] == [f"b_{k:02d}" for k in range(11)]
+    assert np.allclose(tree["bodies"]["b_03"]["position"], [-0.2, -0.9, -0.5])
+    assert np.allclose(tree["bodies"]["b_09"]["position"], [0.1, 1.2, -0.5])
     assert sorted(n for n in tree["markers"] if n.startswith("z")) == ["z_00", "z_01", "z_02", "z_10", "z_11", "z_12"]
     assert np.allclose(tree["markers"]["z_12"]["point"], [0.00766044, -0.01132459, 0.20067924 + 0.5], atol=1e-8)
-    assert sorted(tree["inputs"]) == sorted([*(f"m-{k:02d}" for k in range(11)), "n"])
-    assert tree["forces"]["m-07"]["type"] == "torque-motor" and "b-07" in str(tree["forces"]["m-07"])
-    model.tree["inputs"]["m-07"] = 2.0
-    (alone, driven), _ = run(model, ["h-00.angle", "h-07.angle"])
+    assert sorted(tree["inputs"]) == sorted([*(f"m_{k:02d}" for k in range(11)), "n"])
+    assert tree["forces"]["m_07"]["type"] == "torque-motor" and "b_07" in str(tree["forces"]["m_07"])
+    model.tree["inputs"]["m_07"] = 2.0
+    (alone, driven), _ = run(model, ["h_00.angle", "h_07.angle"])
     assert alone == pytest.approx(0, abs=1e-12) and driven == pytest.approx(swing(0, lambda t, q, w: 2)[0], abs=1e-6)
 
 
