@@ -9,11 +9,12 @@
 namespace espalier::dynamics {
 namespace {
 
-constexpr const char* kInstead =
+constexpr const char* kCardInstead =
     "give the section in the model instead (radius, or height and width, or its constants)";
 
 void fault(const NastranCard& card, const std::string& what, std::string& out) {
-  if (out.empty()) out = fmt::format("{}:{}: {}: {} is not read; {}", card.path, card.line, card.name, what, kInstead);
+  if (out.empty())
+    out = fmt::format("{}:{}: {}: {} is not read; {}", card.path, card.line, card.name, what, kCardInstead);
 }
 
 class LineCards {

@@ -12,7 +12,7 @@
 namespace espalier::dynamics {
 namespace {
 
-constexpr const char* kInstead =
+constexpr const char* kLinesInstead =
     "give the section in the model instead (radius, or height and width, or its constants)";
 
 /// What one keyword says.
@@ -81,7 +81,7 @@ class InpSection {
  private:
   void fault(const std::string& what) {
     if (out_.fault.empty())
-      out_.fault = fmt::format("{}:{}: {}: {}; {}", reader_.path(), reader_.line(), keyword_.name, what, kInstead);
+      out_.fault = fmt::format("{}:{}: {}: {}; {}", reader_.path(), reader_.line(), keyword_.name, what, kLinesInstead);
   }
   /// The next data line as numbers, where there is one.
   void read(int count) {
@@ -110,7 +110,7 @@ class InpSection {
   int given_ = 0;
 };
 
-LineSections inp_sections(const std::string& path) {
+LineSections inp_line_sections(const std::string& path) {
   LineSections out;
   std::vector<std::string> parts;
   InpInstances instances;
@@ -137,7 +137,7 @@ LineSections inp_sections(const std::string& path) {
 LineSections read_line_sections(const std::string& path, const Mesh& mesh) {
   std::string name = lower(path);
   if (name.ends_with(".gz")) name.resize(name.size() - 3);
-  if (name.ends_with(".inp")) return inp_sections(path);
+  if (name.ends_with(".inp")) return inp_line_sections(path);
   if (name.ends_with(".bdf") || name.ends_with(".nas") || name.ends_with(".dat")) return line_cards(path, mesh);
   return {};
 }
