@@ -1,8 +1,8 @@
-// A share of the campaign of random sequences of calls (tests/verdict/sequence_campaign.cpp): no solution but that of the
-// last values. Truth: residuals without refinement, and the bits of fresh factors.
-#include <gtest/gtest.h>
-
+// A share of the campaign of random sequences of calls (tests/verdict/sequence_campaign.cpp): no solution but that of
+// the last values. Truth: residuals without refinement, and the bits of fresh factors.
 #include "verdict/call_sequences.hpp"
+
+#include <gtest/gtest.h>
 
 namespace espalier {
 namespace {
