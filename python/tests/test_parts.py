@@ -28,10 +28,10 @@ GOOD = {
         "rigid": [{"mass": 1, "inertia": [1, 1, 1]}, {"mesh": {"file": "corner.stl"}, "density": 1}], "point": [{"mass": 1}],
         "solid": [{"mesh": {"file": "a.inp"}, "material": STEEL}],
         "cable": [{"start": [0, 0, 0], "end": [1, 0, 0], "radius": 0.1, "material": STEEL},
-                  {"start": [0, 0, 0], "end": [1, 0, 0], "axial": 1, "bending": 1, "mass_per_length": 1}],
+                  {"start": [0, 0, 0], "end": [1, 0, 0], "axial": 1, "bending": 1, "mass_per_length": 1}, {"mesh": {"file": "a.inp"}}],
         "beam": [{"start": [0, 0, 0], "end": [1, 0, 0], "radius": 0.1, "material": STEEL},
                  {"start": [0, 0, 0], "direction": [1, 0, 0], "length": 1, "curvature": [0, 0, 1], "height": 1, "width": 1, "material": STEEL},
-                 {"points": [[0, 0, 0], [1, 0, 0]], **ALL_OF_BEAM}],
+                 {"points": [[0, 0, 0], [1, 0, 0]], **ALL_OF_BEAM}, {"mesh": {"file": "a.inp"}}],
         "shell": [{"x": [1, 0, 0], "y": [0, 1, 0], "thickness": 0.1, "material": STEEL}, {"mesh": {"file": "a.inp"}}],
         "substructure": [{"stiffness": {"file": "a"}, "mass": {"file": "a"}, "nodes": {"file": "a"}}]},
     "joints": {
@@ -57,7 +57,7 @@ GOOD = {
         **{t: [PAIR, {"a": "m", "b": "n"}] for t in ("spring", "axial-spring", "rotational-spring", "bushing")},
         "load": [{"a": "m"}, {"body": "b", "acceleration": [0, 0, 1]}], "pressure": [{"body": "b", "face": "f", "pressure": 1}],
         "guide": [{**part, "stiffness": 1, "smoothing": 1, "lengths": [1], "curvatures": [1]} for part in (PAIR, {"a": "m", "b": "n"})],
-        "cable": [{"through": ["m", "n"], "stiffness": 1}],
+        "cable": [{"through": ["m", "n"], "stiffness": 1}], "line-load": [{"body": "b", "force": [0, 0, 1]}],
         "torque-motor": [{**PAIR, "torque": 1}, {"a": "m", "b": "n", "torque": 1}],
         "force-motor": [{**PAIR, "force": 1}, {"a": "m", "b": "n", "force": 1}]},
     "surfaces": {
