@@ -51,7 +51,7 @@ class BodyReader {
   };
   /// Its name in this copy; "": it has none.
   std::string name_of(const Element& e, const Around& around) {
-    const std::string name = e.text("name");
+    std::string name = e.text("name");
     if (name.empty() || around.suffix.empty()) return name;
     robot_.copied[std::string(e.tag()) + " " + name].push_back(around.suffix);
     return name + around.suffix;
