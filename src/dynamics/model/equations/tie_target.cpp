@@ -45,7 +45,7 @@ void add_parts(TiePoint::Parts& to, const TiePoint::Parts& parts, double factor)
 Vec3 reach_for(const Vec3& point, const Vec3& from, TiePoint& out) {
   Mat3 basis;
   for (Eigen::Index k = 0; k < 3; ++k) basis.col(k) = out.axes[static_cast<std::size_t>(k)].value;
-  const Vec3 way = basis.inverse() * (point - from);
+  Vec3 way = basis.inverse() * (point - from);
   for (std::size_t k = 0; k < 3; ++k)
     if (const double part = way[static_cast<Eigen::Index>(k)]; part != 0) add_parts(out.place, out.axes[k].parts, part);
   return way;
