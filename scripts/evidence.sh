@@ -104,7 +104,7 @@ step tests memory-curve-small 120 "$programs/espalier_memory_curve" --small
 [[ -n $data ]] && step tests collection 300 "$programs/espalier_collection" "$data" --device gpu:0
 ((gpus > 1)) && step tests small-several 240 "$programs/espalier_gpu_check" --small --devices "$devices" --counts "$counts" --out "$out/small-several.json"
 
-# The tables of docs/notebook/performance.md.
+# The tables of docs/notebook/gpu.md, several_gpus.md and out_of_core.md.
 step tables gpu-check 300 "$programs/espalier_gpu_check" --repeat 7 --out "$out/gpu-check.json"
 ((gpus > 1)) && step tables gpus-check 300 "$programs/espalier_gpu_check" --repeat 7 --devices "$devices" --counts "$counts" \
   --out "$out/gpus-check.json"

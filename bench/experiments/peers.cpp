@@ -33,7 +33,7 @@ Words together(const std::vector<Words>& groups) {
   return all;
 }
 
-/// The tables of the GPU (docs/notebook/performance.md), in the order of their worth, so that a limit of time costs
+/// The tables of the GPU (docs/notebook/gpu.md), in the order of their worth, so that a limit of time costs
 /// least: everyone in turns on small and middle systems; ours and cuDSS in turns on the large ones; cuDSS's other modes
 /// on them; last PARDISO alone, whose calls take up to minutes there and are made once or twice.
 std::vector<Stage> gpu_stages() {

@@ -294,7 +294,7 @@ Index ProductMatcher::bid_for_row(Index j, std::vector<Index>& displaced) {
 }
 
 void ProductMatcher::bid() {
-  // Measured on late interior-point systems (docs/notebook/performance.md, "Matching"): more bids cost more than the
+  // Measured on late interior-point systems (docs/notebook/ordering.md, "Matching"): more bids cost more than the
   // searches that they save; without the bound on a chain, two columns with nearly the same wishes eat up all of it.
   constexpr int kPasses = 5;
   constexpr int kChain = 20;

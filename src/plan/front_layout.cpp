@@ -8,7 +8,7 @@ namespace {
 
 Index round_up(Index x, Index to) { return (x + to - 1) / to * to; }
 
-// Widths by front size, measured on 2 cores with AVX-512 (docs/notebook/performance.md, "tile width").
+// Widths by front size, measured on cores with AVX-512 (docs/notebook/cpu.md, "Tile width").
 Index widest_tile(Index rows, const TileRule& rule) {
   if (rule.narrow_width > 0 && rows <= rule.narrow_rows) return rule.narrow_width;
   if (rule.max_block_size > 0) return round_up(std::max(rule.max_block_size, rule.panel), rule.panel);

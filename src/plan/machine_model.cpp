@@ -8,9 +8,9 @@
 
 namespace espalier::plan {
 
-// One AVX-512 core. The rates of fronts fit refactorizations on 2 and 16 cores (docs/notebook/performance.md, "cost
-// model") and traces of elasticity 14^3 and a plate of 60 x 60 on one thread: fronts of 10^5 flops (some 60 rows) run
-// at 8 GFLOP/s, of 5 10^5 (120 rows) at 17, of 10^7 (400 rows) at 29.
+// One AVX-512 core. The rates of fronts fit refactorizations on 2 and 16 cores (docs/notebook/cpu.md) and traces of
+// elasticity 14^3 and a plate of 60 x 60 on one thread: fronts of 10^5 flops (some 60 rows) run at 8 GFLOP/s, of 5 10^5
+// (120 rows) at 17, of 10^7 (400 rows) at 29.
 //
 // Host devices with small memories stand in for GPUs in tests: out of core they have the rates of an H200's link, so
 // that they take the same plans.

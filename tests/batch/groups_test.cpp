@@ -278,7 +278,7 @@ TEST(SystemGroups, CanBeStopped) {
 }
 
 // Where the device that was named has no memory for any, all go on alone on the cores. Of our choice they stay there:
-// to order them takes longest, and that is the cores' (docs/notebook/performance.md, "Systems of many patterns").
+// to order them takes longest, and that is the cores' (docs/notebook/batches.md, "Systems of many patterns").
 TEST(SystemGroups, DevicesThatWorkOrRefuse) {
   Many many = of_all_kinds(20);
   for (const bool refuses : {false, true}) {

@@ -204,7 +204,7 @@ void print_row(const char* what, int over_radius, const Penalty& penalty, const 
   std::fflush(stdout);
 }
 
-// The table of docs/notebook/contact_hertz.md: test_dynamics --gtest_also_run_disabled_tests
+// The table of docs/notebook/contact.md: test_dynamics --gtest_also_run_disabled_tests
 // --gtest_filter='*ContactHertz*Table'
 TEST(ContactHertz, DISABLED_Table) {
   fmt::print(

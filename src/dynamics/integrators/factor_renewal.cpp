@@ -11,7 +11,7 @@ namespace {
 constexpr double kFlop = 1 / 8e9, kFront = 1.5e-6, kEntryOfK = 6e-9, kEntryOfW = 4e-9;
 constexpr double kNumberOfFactor = 8 / 1e10, kFrontOfSolve = 1e-7, kUnknown = 6e-8;
 // On a GPU launches and transfers make passes of large systems dear: 5 to 8 of them take as long as a factor and its
-// tangent (docs/notebook/performance.md, "One H100").
+// tangent (docs/notebook/dynamics.md, "When a factor is renewed").
 constexpr double kLargestCost = 64, kLargestCostOnGpu = 8;
 }  // namespace
 
