@@ -11,7 +11,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier::bench {
-namespace {
+namespace cluster_simulator_test {
 
 class Clusters : public ::testing::Test {
  protected:
@@ -133,5 +133,5 @@ TEST_F(Clusters, AgreesWithTiles) {
   }
 }
 
-}  // namespace
+}  // namespace cluster_simulator_test
 }  // namespace espalier::bench

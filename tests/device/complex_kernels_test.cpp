@@ -9,7 +9,7 @@
 #include "device/host/kernels.hpp"
 
 namespace espalier::device::host {
-namespace {
+namespace complex_kernels_test {
 
 using testing::Array;
 using Wide = Eigen::MatrixXcd;
@@ -270,5 +270,5 @@ TYPED_TEST(ComplexKernels, PivotedLu) {
   });
 }
 
-}  // namespace
+}  // namespace complex_kernels_test
 }  // namespace espalier::device::host

@@ -19,7 +19,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace cuda_devices_test {
 
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
@@ -317,5 +317,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, CudaDevices,
                                   (tested.param.shared_top ? "" : "_own_top");
                          });
 
-}  // namespace
+}  // namespace cuda_devices_test
 }  // namespace espalier

@@ -11,7 +11,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace cuda_pairs_test {
 
 using device::cuda::stands_in_pairs;
 
@@ -88,5 +88,5 @@ TEST(CudaPairs, APlanKeepsThoseOfItsTree) {
   }
 }
 
-}  // namespace
+}  // namespace cuda_pairs_test
 }  // namespace espalier

@@ -17,7 +17,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace cuda_plan_test {
 
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
@@ -277,5 +277,5 @@ INSTANTIATE_TEST_SUITE_P(
       return name + (tested.param.kind == Kind::llt ? "llt" : tested.param.kind == Kind::ldlt ? "ldlt" : "lu");
     });
 
-}  // namespace
+}  // namespace cuda_plan_test
 }  // namespace espalier

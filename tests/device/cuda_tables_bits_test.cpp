@@ -16,7 +16,7 @@
 #include "out_of_core/plan.hpp"
 
 namespace espalier {
-namespace {
+namespace cuda_tables_bits_test {
 
 using device::cuda::DevicePlan;
 using device::cuda::OutOfCoreSource;
@@ -261,5 +261,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, CudaTablesBits,
                                                       {"5 stealing", 0x18581f09591a030fULL},
                                                       {"5 stealing apart", 0xb96d62090b294a56ULL}}}));
 
-}  // namespace
+}  // namespace cuda_tables_bits_test
 }  // namespace espalier

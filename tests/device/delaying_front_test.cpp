@@ -7,7 +7,7 @@
 #include <random>
 
 namespace espalier::device::host {
-namespace {
+namespace delaying_front_test {
 
 using Dense = Eigen::MatrixXd;
 
@@ -39,8 +39,8 @@ TEST(DelayingFront, EliminatesWhatIsStableAndLeavesTheSchurComplement) {
     for (const Index width : {8, 32, 96})
       for (const auto& [rows, pivots] : {std::pair{1, 1}, {7, 3}, {40, 40}, {60, 33}, {150, 90}, {200, 130}})
         for (const Index share : {1000, 7, 3}) {
-          SCOPED_TRACE(testing::Message() << (kind == Kind::lu ? "lu " : "ldlt ") << rows << " rows, " << pivots
-                                          << " pivots, tiles of " << width << ", one in " << share << " bad");
+          SCOPED_TRACE(::testing::Message() << (kind == Kind::lu ? "lu " : "ldlt ") << rows << " rows, " << pivots
+                                            << " pivots, tiles of " << width << ", one in " << share << " bad");
           std::mt19937 random(7);
           const Dense a = front_with_bad_pivots(rows, pivots, share, kind == Kind::ldlt, random);
           plan::TileRule tiles;
@@ -90,5 +90,5 @@ TEST(DelayingFront, EndsWhereTheEffortIsSpent) {
   }
 }
 
-}  // namespace
+}  // namespace delaying_front_test
 }  // namespace espalier::device::host

@@ -10,7 +10,7 @@
 #include <vector>
 
 namespace espalier::device {
-namespace {
+namespace determinant_test {
 
 TEST(Determinant, EqualsTheSumOfLogarithms) {
   std::mt19937_64 random(3);
@@ -78,5 +78,5 @@ TEST(Determinant, ExtremeFactors) {
   EXPECT_EQ(d.log(), -std::numeric_limits<double>::infinity());
 }
 
-}  // namespace
+}  // namespace determinant_test
 }  // namespace espalier::device

@@ -16,7 +16,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier::device {
-namespace {
+namespace executor_test {
 
 using reference::Values;
 
@@ -304,5 +304,5 @@ TEST_P(ExecutorOf, AVanishingPivotIsReplacedAndNamed) {
 INSTANTIATE_TEST_SUITE_P(Backends, ExecutorOf, ::testing::ValuesIn(test::backends_here()),
                          [](const auto& tested) { return test::name_of(tested.param); });
 
-}  // namespace
+}  // namespace executor_test
 }  // namespace espalier::device

@@ -10,7 +10,7 @@
 #include "device/host/kernels.hpp"
 
 namespace espalier::device::host {
-namespace {
+namespace factor_kernels_test {
 
 using namespace testing;
 
@@ -384,5 +384,5 @@ TYPED_TEST(FactorKernelsTest, InversesMultiplyToIdentity) {
   }
 }
 
-}  // namespace
+}  // namespace factor_kernels_test
 }  // namespace espalier::device::host

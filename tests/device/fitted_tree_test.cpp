@@ -14,7 +14,7 @@
 #include "plan/regions.hpp"
 
 namespace espalier {
-namespace {
+namespace fitted_tree_test {
 
 struct Parameter {
   std::vector<std::string> words;
@@ -77,5 +77,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, FittedTree,
                                            Parameter{{"elasticity", "7"}, Kind::llt},
                                            Parameter{{"gyroscopic", "7"}, Kind::lu}));
 
-}  // namespace
+}  // namespace fitted_tree_test
 }  // namespace espalier

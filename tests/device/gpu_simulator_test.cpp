@@ -12,7 +12,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_simulator_test {
 
 device::cuda::DevicePlan tables_for(Index devices) {
   base::ThreadPool pool{2};
@@ -57,5 +57,5 @@ TEST(GpuSimulator, MoreBlocksAndDevicesHelpAndSlowLinksHurt) {
   EXPECT_DOUBLE_EQ(bench::simulate(tables_for(1), rates).seconds, one);
 }
 
-}  // namespace
+}  // namespace gpu_simulator_test
 }  // namespace espalier

@@ -20,7 +20,7 @@
 #include "plan/changed_plan.hpp"
 
 namespace espalier::device::host {
-namespace {
+namespace halted_executor_test {
 
 constexpr PivotRule kRule{0.01, 1e-14, 0};
 
@@ -158,7 +158,7 @@ TEST(HaltedExecutor, MakesTheRestInAChangedPlanWithTheSameBits) {
   for (const Kind kind : {Kind::ldlt, Kind::lu}) {
     Counted all;
     for (unsigned seed = 0; seed < 150; ++seed) {
-      SCOPED_TRACE(testing::Message() << (kind == Kind::lu ? "lu" : "ldlt") << " seed " << seed);
+      SCOPED_TRACE(::testing::Message() << (kind == Kind::lu ? "lu" : "ldlt") << " seed " << seed);
       const SparseMatrix a = weak_grid(10 + static_cast<Index>(seed % 23), 15, kind, seed);
       std::vector<double> first;
       for (const int threads : {1, 3}) {
@@ -181,5 +181,5 @@ TEST(HaltedExecutor, MakesTheRestInAChangedPlanWithTheSameBits) {
   }
 }
 
-}  // namespace
+}  // namespace halted_executor_test
 }  // namespace espalier::device::host

@@ -18,7 +18,7 @@
 #include "plan/plan.hpp"
 
 namespace espalier {
-namespace {
+namespace host_devices_test {
 
 using device::FactorOutcome;
 using device::host::HostOptions;
@@ -242,5 +242,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, HostDevices,
                                            System{{"plate", "24", "24"}, Kind::ldlt},
                                            System{{"gyroscopic", "6"}, Kind::lu}));
 
-}  // namespace
+}  // namespace host_devices_test
 }  // namespace espalier

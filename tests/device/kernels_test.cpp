@@ -9,7 +9,7 @@
 #include "gemm.hpp"
 
 namespace espalier::device::host {
-namespace {
+namespace kernels_test {
 
 using namespace testing;
 
@@ -298,5 +298,5 @@ TEST(MeasuredRate, IsPositiveAndFinite) {
   EXPECT_LT(rate, 1e13);
 }
 
-}  // namespace
+}  // namespace kernels_test
 }  // namespace espalier::device::host

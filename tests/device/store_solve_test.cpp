@@ -18,7 +18,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace store_solve_test {
 
 using device::cuda::Front;
 
@@ -328,5 +328,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, StoreSolve,
                                            Parameter{{"gyroscopic", "7"}, Kind::lu, 1},
                                            Parameter{{"plate", "30", "30"}, Kind::llt, 11}));
 
-}  // namespace
+}  // namespace store_solve_test
 }  // namespace espalier

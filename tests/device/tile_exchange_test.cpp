@@ -19,7 +19,7 @@
 #include "watched_table.hpp"
 
 namespace espalier {
-namespace {
+namespace tile_exchange_test {
 
 using device::cuda::CopyThread;
 using device::cuda::SentTile;
@@ -360,5 +360,5 @@ TEST(TileExchange, KernelsThatGiveUpEndTheCallOnAllRanks) {
   }
 }
 
-}  // namespace
+}  // namespace tile_exchange_test
 }  // namespace espalier

@@ -18,7 +18,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace tile_messages_test {
 
 using device::cuda::DevicePlan;
 using device::cuda::FactorTask;
@@ -246,5 +246,5 @@ INSTANTIATE_TEST_SUITE_P(Systems, Machines,
                                            System{{"gyroscopic", "9", "8", "8"}, Kind::lu, 4},
                                            System{{"poisson", "5"}, Kind::lu, 2}));
 
-}  // namespace
+}  // namespace tile_messages_test
 }  // namespace espalier

@@ -103,7 +103,7 @@ TEST(SteadyModes, GyroscopicSplitting) {
     const std::vector<SimulationMode> modes = modes_of(rotor(spring, 0.5, speed));
     const double half = kJp * std::abs(speed) / (2 * kJd), root = std::sqrt(half * half + kStiff / kJd);
     for (const auto& [w, whirl] : {std::pair(root + half, 1.0), {root - half, -1.0}}) {
-      const auto it = std::find_if(modes.begin(), modes.end(), [&](const SimulationMode& m) {
+      const auto it = std::find_if(modes.begin(), modes.end(), [w = w](const SimulationMode& m) {
         return std::abs(kTwoPi * m.frequency - w) < 1e-9 * w;
       });
       ASSERT_NE(it, modes.end()) << speed << ": " << w << "\n" << list(modes);

@@ -11,7 +11,7 @@
 #include "matrix/triplets.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace binary_test {
 
 std::string bytes_of(const SparseMatrix& a) {
   write_binary(temporary("binary.esp"), a);
@@ -88,5 +88,5 @@ TEST(Binary, MessagesSayWhatToDo) {
   expect_error([&] { (void)parse_binary(bytes.substr(0, 100), "b.esp"); }, {"b.esp", "truncated"});
 }
 
-}  // namespace
+}  // namespace binary_test
 }  // namespace espalier::matrix

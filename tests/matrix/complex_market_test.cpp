@@ -7,7 +7,7 @@
 #include "matrix/read.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace complex_market_test {
 
 using Value = std::complex<double>;
 
@@ -91,5 +91,5 @@ TEST(ComplexMarket, WritesWhatItReads) {
   }
 }
 
-}  // namespace
+}  // namespace complex_market_test
 }  // namespace espalier::matrix

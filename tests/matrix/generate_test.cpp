@@ -14,7 +14,7 @@
 #include "matrix/validate.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace generate_test {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
@@ -300,5 +300,5 @@ TEST(Generate, WordsThatAreWrong) {
   (void)message_of([] { (void)generated("elasticity 890 890 890"); }, StatusCode::out_of_memory);
 }
 
-}  // namespace
+}  // namespace generate_test
 }  // namespace espalier::matrix

@@ -6,7 +6,7 @@
 #include "matrix/helpers.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace hex8_test {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 using Matrix24 = Eigen::Matrix<double, 24, 24>;
@@ -69,5 +69,5 @@ TEST(Hex8, MassOfABox) {
   EXPECT_NEAR(std::accumulate(m.begin(), m.end(), 0.0), 30.0, 30 * 64 * kEps) << "sum = volume times density";
 }
 
-}  // namespace
+}  // namespace hex8_test
 }  // namespace espalier::matrix

@@ -14,7 +14,7 @@
 #include "matrix/transform.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace matrix_market_test {
 
 SparseMatrix parse(const std::string& text, const ReadOptions& options = {}) {
   return parse_matrix_market(text, "t.mtx", options);
@@ -309,5 +309,5 @@ TEST(ReadMatrix, GzipOfSeveralMembers) {
   std::filesystem::remove(path);
 }
 
-}  // namespace
+}  // namespace matrix_market_test
 }  // namespace espalier::matrix

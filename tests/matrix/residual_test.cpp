@@ -10,7 +10,7 @@
 #include "matrix/transform.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace residual_test {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 constexpr Storage kAll[] = {Storage::general, Storage::symmetric_lower, Storage::symmetric_upper,
@@ -157,5 +157,5 @@ TEST(BackwardErrors, ZeroOverZeroIsZeroAndNonsenseIsInfinite) {
   EXPECT_EQ(backward_errors(a, std::vector<double>{1, inf}, b).componentwise, inf);
 }
 
-}  // namespace
+}  // namespace residual_test
 }  // namespace espalier::matrix

@@ -11,7 +11,7 @@
 #include "matrix/read.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace rutherford_boeing_test {
 
 // A Rutherford-Boeing file from its parts.
 struct File {
@@ -177,5 +177,5 @@ TEST(ReadMatrix, RutherfordBoeingIsRecognised) {
   std::filesystem::remove(path);
 }
 
-}  // namespace
+}  // namespace rutherford_boeing_test
 }  // namespace espalier::matrix

@@ -14,7 +14,7 @@
 #include "places.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace shared_data_test {
 
 namespace fs = std::filesystem;
 
@@ -82,5 +82,5 @@ TEST(SharedData, SymmetryOfAGeneralFileIsFound) {
   EXPECT_TRUE(values_are_symmetric(a));
 }
 
-}  // namespace
+}  // namespace shared_data_test
 }  // namespace espalier::matrix

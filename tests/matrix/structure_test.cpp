@@ -9,7 +9,7 @@
 #include "matrix/validate.hpp"
 
 namespace espalier::matrix {
-namespace {
+namespace structure_test {
 
 constexpr Storage kSymmetric[] = {Storage::symmetric_lower, Storage::symmetric_upper, Storage::symmetric_both};
 
@@ -185,5 +185,5 @@ TEST(Norms, EqualDense) {
   EXPECT_EQ(norm_inf(SparseMatrix{0, 0, {0}, {}, {}, Storage::general}), 0);
 }
 
-}  // namespace
+}  // namespace structure_test
 }  // namespace espalier::matrix

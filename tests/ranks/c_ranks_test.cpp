@@ -18,7 +18,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace c_ranks_test {
 
 // A symmetric matrix of which both triangles are stored, so that its columns are its rows.
 SparseMatrix both_triangles() {
@@ -269,5 +269,5 @@ TEST(CRanks, APartWithoutNumbersIsReal) {
   EXPECT_EQ(espalier_analyze_rows_i32(solver, &rows.part, nullptr), ESPALIER_OK) << solver.error();
 }
 
-}  // namespace
+}  // namespace c_ranks_test
 }  // namespace espalier::ranks

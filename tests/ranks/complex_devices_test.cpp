@@ -20,7 +20,7 @@
 #include "solver/solution.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace complex_devices_test {
 
 using Value = std::complex<double>;
 
@@ -351,5 +351,5 @@ TEST(ComplexDevices, AreChosenAndReplaced) {
   }
 }
 
-}  // namespace
+}  // namespace complex_devices_test
 }  // namespace espalier::ranks

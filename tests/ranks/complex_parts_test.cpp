@@ -18,7 +18,7 @@
 #include "solver/as_real_form.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace complex_parts_test {
 
 using Value = std::complex<double>;
 
@@ -424,5 +424,5 @@ TEST_P(ComplexParts, MistakesOfOneRank) {
   });
 }
 
-}  // namespace
+}  // namespace complex_parts_test
 }  // namespace espalier::ranks

@@ -14,7 +14,7 @@
 #include "solver/as_real_form.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace complex_ranks_test {
 
 using Value = std::complex<double>;
 
@@ -165,5 +165,5 @@ TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
   });
 }
 
-}  // namespace
+}  // namespace complex_ranks_test
 }  // namespace espalier::ranks

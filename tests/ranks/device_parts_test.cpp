@@ -18,7 +18,7 @@
 #include "solver/solution.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace device_parts_test {
 
 constexpr Index kColumns = 2;
 
@@ -247,5 +247,5 @@ TEST(DeviceParts, RanksOfHostsRefuseThem) {
   });
 }
 
-}  // namespace
+}  // namespace device_parts_test
 }  // namespace espalier::ranks

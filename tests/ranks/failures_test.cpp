@@ -13,7 +13,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace failures_test {
 
 SparseMatrix system_of(const std::string& kind) {
   if (kind == "llt")
@@ -281,5 +281,5 @@ TEST(RankFailures, TablesThatAreNotWhole) {
   EXPECT_TRUE(life_of(alone, system_of("llt")).ok());
 }
 
-}  // namespace
+}  // namespace failures_test
 }  // namespace espalier::ranks

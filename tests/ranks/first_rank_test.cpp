@@ -12,7 +12,7 @@
 #include "ranks/packing.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace first_rank_test {
 
 // How `body` ends as one call of all ranks.
 Status called(const Ranks& ranks, const std::function<void(Link&, base::ThreadPool&)>& body,
@@ -114,5 +114,5 @@ TEST(Packing, GivesBackWhatWasPut) {
   EXPECT_THROW(half.get(two), Error);
 }
 
-}  // namespace
+}  // namespace first_rank_test
 }  // namespace espalier::ranks

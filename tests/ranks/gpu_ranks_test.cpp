@@ -23,7 +23,7 @@
 #endif
 
 namespace espalier::ranks {
-namespace {
+namespace gpu_ranks_test {
 
 int gpus() {
   const device::Backend* backend = device::registry().find("gpu");
@@ -504,5 +504,5 @@ TEST(GpuRanks, WrongDevicesAreRefusedOnAllRanks) {
   }
 }
 
-}  // namespace
+}  // namespace gpu_ranks_test
 }  // namespace espalier::ranks

@@ -12,7 +12,7 @@
 #include "ranks/machines.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace link_test {
 
 TEST(Link, MachinesAreThoseOfTheMomentAndTheSameOnAll) {
   on_threads(4, {}, [](const Ranks& ranks) {
@@ -109,5 +109,5 @@ TEST(Link, LongMessagesComeWhole) {
   });
 }
 
-}  // namespace
+}  // namespace link_test
 }  // namespace espalier::ranks

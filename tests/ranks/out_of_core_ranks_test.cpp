@@ -18,7 +18,7 @@
 #include "solver/solution.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace out_of_core_ranks_test {
 
 class NarrowBackend final : public device::Backend {
  public:
@@ -342,5 +342,5 @@ TEST_F(OutOfCoreRanks, ADeadRankEndsTheCall) {
   EXPECT_GE(dead, 4);
 }
 
-}  // namespace
+}  // namespace out_of_core_ranks_test
 }  // namespace espalier::ranks

@@ -12,7 +12,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace parts_test {
 
 using reference::random_vector;
 
@@ -226,5 +226,5 @@ TEST_F(Parts, MistakesOfOneRank) {
     EXPECT_NE(text.find("on host") == std::string::npos && text.find("no rank") == std::string::npos, true) << text;
 }
 
-}  // namespace
+}  // namespace parts_test
 }  // namespace espalier::ranks

@@ -15,7 +15,7 @@
 #include "plan/rank_parts.hpp"
 
 namespace espalier::plan {
-namespace {
+namespace plan_parts_test {
 
 struct System {
   SparseMatrix a;
@@ -155,5 +155,5 @@ TEST(PlanParts, AreSmaller) {
   }
 }
 
-}  // namespace
+}  // namespace plan_parts_test
 }  // namespace espalier::plan

@@ -14,7 +14,7 @@
 #include "solver/on_all_ranks.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace residual_ranks_test {
 
 using reference::random_vector;
 using reference::Values;
@@ -131,5 +131,5 @@ TEST(ResidualRanks, KrylovMethodsHaveTheBitsOfOne) {
   }
 }
 
-}  // namespace
+}  // namespace residual_ranks_test
 }  // namespace espalier::ranks

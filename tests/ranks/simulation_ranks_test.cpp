@@ -15,7 +15,7 @@
 #include "on_threads.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace simulation_ranks_test {
 
 // A bar that swings: elements enough that ranks share fronts.
 const std::string kBar = R"(gravity = [0, 0, -9.81]
@@ -222,5 +222,5 @@ TEST(SimulationOnRanks, WrongUseIsRefused) {
   });
 }
 
-}  // namespace
+}  // namespace simulation_ranks_test
 }  // namespace espalier::ranks

@@ -14,7 +14,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier::ranks {
-namespace {
+namespace solver_ranks_test {
 
 using reference::random_vector;
 
@@ -362,5 +362,5 @@ TEST(SolverRanks, ChangedPatterns) {
     });
 }
 
-}  // namespace
+}  // namespace solver_ranks_test
 }  // namespace espalier::ranks

@@ -9,7 +9,7 @@
 
 namespace espalier::test {
 
-namespace {
+namespace analyze_change_test {
 
 TEST(AnalyzeChange, IsAsGoodAsAFreshAnalysis) {
   for (int sort = 0; sort < verdict::ChangingSystem::sorts(); ++sort) {
@@ -161,6 +161,6 @@ TEST(AnalyzeChange, ClonesKeepTheirAnalysis) {
   expect_small_error(solver, b);
 }
 
-}  // namespace
+}  // namespace analyze_change_test
 
 }  // namespace espalier::test

@@ -14,7 +14,7 @@
 
 #include "solver/c_handle.hpp"
 
-namespace {
+namespace c_api_test {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
@@ -436,4 +436,4 @@ TEST(CApi, NamesAndVersion) {
   EXPECT_STRNE(espalier_version(), "");
 }
 
-}  // namespace
+}  // namespace c_api_test

@@ -14,7 +14,7 @@
 #include "espalier/espalier.hpp"
 #include "solver/c_handle.hpp"
 
-namespace {
+namespace c_arguments_test {
 
 using espalier::test::analyze;
 using espalier::test::factorize;
@@ -254,4 +254,4 @@ TEST(Environment, NoErrorIsTooLarge) {
   EXPECT_LT(info.backward_error, 1e-15);
 }
 
-}  // namespace
+}  // namespace c_arguments_test

@@ -11,7 +11,7 @@
 #include "solver/c_handle.hpp"
 #include "solver/complex_common.hpp"
 
-namespace {
+namespace c_complex_test {
 
 using Value = std::complex<double>;
 using Dense = Eigen::MatrixXcd;
@@ -200,4 +200,4 @@ TEST(CComplex, ShorterStructsAreReal) {
   EXPECT_EQ(x, 0.25);
 }
 
-}  // namespace
+}  // namespace c_complex_test

@@ -5,7 +5,7 @@
 #include <gtest/gtest.h>
 
 namespace espalier {
-namespace {
+namespace call_sequences_test {
 
 TEST(CallSequences, NoSolutionIsThatOfOldValues) {
   int solutions = 0, bits = 0, errors = 0;
@@ -21,5 +21,5 @@ TEST(CallSequences, NoSolutionIsThatOfOldValues) {
   EXPECT_GT(errors, 500);
 }
 
-}  // namespace
+}  // namespace call_sequences_test
 }  // namespace espalier

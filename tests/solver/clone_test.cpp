@@ -12,7 +12,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace clone_test {
 
 using reference::Values;
 
@@ -185,5 +185,5 @@ TEST(EffectiveDevice, StandsInTheResultNotInTheOptions) {
   EXPECT_NE(session.factor->result().device.find("fake"), std::string::npos) << session.factor->result().device;
 }
 
-}  // namespace
+}  // namespace clone_test
 }  // namespace espalier

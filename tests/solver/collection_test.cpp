@@ -14,7 +14,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier {
-namespace {
+namespace collection_test {
 
 namespace fs = std::filesystem;
 
@@ -141,5 +141,5 @@ TEST(Collection, InertiaIsThatOfTheEigenvalues) {
   EXPECT_GT(compared, 0);
 }
 
-}  // namespace
+}  // namespace collection_test
 }  // namespace espalier

@@ -3,7 +3,7 @@
 #include "solver/complex_common.hpp"
 
 namespace espalier {
-namespace {
+namespace complex_test {
 
 using test::Dense;
 using test::expect_solutions;
@@ -434,5 +434,5 @@ TEST(ComplexSolver, WrongUseThrows) {
   EXPECT_EQ(solver.analyze(wide).status.code, StatusCode::invalid_input);
 }
 
-}  // namespace
+}  // namespace complex_test
 }  // namespace espalier

@@ -11,7 +11,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace crafted_analysis_test {
 
 using reference::Values;
 using namespace test;
@@ -230,5 +230,5 @@ TEST(CraftedAnalysis, IsRefusedOrGivesTheRightAnswer) {
   std::filesystem::remove(path);
 }
 
-}  // namespace
+}  // namespace crafted_analysis_test
 }  // namespace espalier

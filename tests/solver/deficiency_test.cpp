@@ -7,7 +7,7 @@
 #include "verdict/cases.hpp"
 
 namespace espalier::test {
-namespace {
+namespace deficiency_test {
 
 using reference::Triple;
 
@@ -329,5 +329,5 @@ TEST(Optimisers, RescaledFactorizationsFollowTheValues) {
   }
 }
 
-}  // namespace
+}  // namespace deficiency_test
 }  // namespace espalier::test

@@ -17,7 +17,7 @@
 #endif
 
 namespace espalier {
-namespace {
+namespace device_arrays_test {
 
 using reference::Values;
 
@@ -264,5 +264,5 @@ TEST_F(Gpu, TheCInterfaceTakesThem) {
 
 #endif
 
-}  // namespace
+}  // namespace device_arrays_test
 }  // namespace espalier

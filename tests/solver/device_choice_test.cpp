@@ -12,7 +12,7 @@
 #include "solver/fake_backend.hpp"
 
 namespace espalier::solver {
-namespace {
+namespace device_choice_test {
 
 DeviceChoice chosen(const Options& options, const device::Registry& registry = device::registry()) {
   analysis::AssemblyTree tree;
@@ -182,5 +182,5 @@ TEST(DeviceChoice, SmallSystemsStayOnOneGpu) {
   EXPECT_GE(count({"kkt", "20", "20", "8", "8"}), 2);
 }
 
-}  // namespace
+}  // namespace device_choice_test
 }  // namespace espalier::solver

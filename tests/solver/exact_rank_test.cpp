@@ -11,7 +11,7 @@
 #include "verdict/exact.hpp"
 
 namespace espalier::test {
-namespace {
+namespace exact_rank_test {
 
 using reference::Triple;
 using verdict::ExactCase;
@@ -439,5 +439,5 @@ TEST(Condition, OfSmallMatricesIsExactAndOfOthersNear) {
     }
 }
 
-}  // namespace
+}  // namespace exact_rank_test
 }  // namespace espalier::test

@@ -11,7 +11,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace fork_test {
 
 using namespace test;
 
@@ -113,5 +113,5 @@ TEST(Fork, ASolverInsideACallSaysSo) {
   espalier_destroy(other);
 }
 
-}  // namespace
+}  // namespace fork_test
 }  // namespace espalier

@@ -12,7 +12,7 @@
 #include "solver/gpu_fixture.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_blocks_test {
 
 using reference::Triple;
 using reference::Values;
@@ -60,5 +60,5 @@ TEST_F(GpuBlocks, BadlyConditionedChains) {
     }
 }
 
-}  // namespace
+}  // namespace gpu_blocks_test
 }  // namespace espalier

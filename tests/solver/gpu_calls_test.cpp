@@ -16,7 +16,7 @@
 #include "device/cuda/runtime/cuda_faults.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_calls_test {
 
 using reference::Values;
 
@@ -87,7 +87,7 @@ TEST_F(GpuCalls, OneLaunchAndOneWaitEach) {
   }
 }
 
-}  // namespace
+}  // namespace gpu_calls_test
 }  // namespace espalier
 
 #endif

@@ -11,7 +11,7 @@
 #include "solver/gpu_fixture.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_columns_test {
 
 using reference::Values;
 
@@ -51,5 +51,5 @@ TEST_F(GpuColumns, EveryNumberOfThem) {
   }
 }
 
-}  // namespace
+}  // namespace gpu_columns_test
 }  // namespace espalier

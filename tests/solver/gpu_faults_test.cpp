@@ -18,7 +18,7 @@
 #include "matrix/residual.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_faults_test {
 
 using reference::Values;
 
@@ -168,7 +168,7 @@ TEST_F(GpuFaults, MemoryThatOthersUseSendsTheFactorizationOutOfCore) {
   EXPECT_GT(g.devices.front().peak_bytes, static_cast<Offset>(kLeft)) << "the system does not fit into what was left";
 }
 
-}  // namespace
+}  // namespace gpu_faults_test
 }  // namespace espalier
 
 #endif

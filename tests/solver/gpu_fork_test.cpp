@@ -7,7 +7,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier::test {
-namespace {
+namespace gpu_fork_test {
 
 class GpuFork : public OnGpu {};
 
@@ -40,5 +40,5 @@ TEST_F(GpuFork, TheChildIsToldAndTheParentGoesOn) {
   EXPECT_EQ(again, x);
 }
 
-}  // namespace
+}  // namespace gpu_fork_test
 }  // namespace espalier::test

@@ -15,7 +15,7 @@
 #include "solver/gpu_fixture.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_precision_test {
 
 using reference::Values;
 
@@ -157,5 +157,5 @@ TEST_F(GpuPrecision, NumbersOverManyDecades) {
   }
 }
 
-}  // namespace
+}  // namespace gpu_precision_test
 }  // namespace espalier

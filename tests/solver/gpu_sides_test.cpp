@@ -20,7 +20,7 @@
 #include "matrix/residual.hpp"
 
 namespace espalier {
-namespace {
+namespace gpu_sides_test {
 
 using Executor = device::cuda::CudaExecutor<double>;
 
@@ -230,7 +230,7 @@ TEST_F(GpuSides, OneGpuEliminatesAll) {
   EXPECT_TRUE(places.of_unknown.empty());
 }
 
-}  // namespace
+}  // namespace gpu_sides_test
 }  // namespace espalier
 
 #endif

@@ -16,7 +16,7 @@
 #include "reference/reference.hpp"
 
 namespace espalier {
-namespace {
+namespace host_devices_test {
 
 SparseMatrix generated(std::vector<std::string> words) { return matrix::generate(matrix::parse_generator(words)); }
 
@@ -206,5 +206,5 @@ TEST(SolverHostDevices, TraceHasATrackForEveryThreadOfEveryDevice) {
   EXPECT_EQ(threads.size(), 6U);
 }
 
-}  // namespace
+}  // namespace host_devices_test
 }  // namespace espalier

@@ -9,7 +9,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace host_memory_test {
 
 using namespace test;
 
@@ -127,5 +127,5 @@ TEST(HostMemory, ThePeakOfTheProcess) {
             0);
 }
 
-}  // namespace
+}  // namespace host_memory_test
 }  // namespace espalier

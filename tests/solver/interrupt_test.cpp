@@ -11,7 +11,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace interrupt_test {
 
 using reference::Values;
 
@@ -235,5 +235,5 @@ TEST(Interrupt, FromC) {
   }
 }
 
-}  // namespace
+}  // namespace interrupt_test
 }  // namespace espalier

@@ -17,7 +17,7 @@
 #include "solver/prepared_matrix.hpp"
 
 namespace espalier::solver {
-namespace {
+namespace machine_prediction_test {
 
 struct Case {
   Kind kind = Kind::llt;
@@ -118,5 +118,5 @@ TEST(MachinePrediction, FollowsTheCallersRates) {
   EXPECT_EQ(x[0], x[1]);
 }
 
-}  // namespace
+}  // namespace machine_prediction_test
 }  // namespace espalier::solver

@@ -12,7 +12,7 @@
 #include "solver_common.hpp"
 
 namespace espalier::test {
-namespace {
+namespace moving_pivots_test {
 
 /// Newton's matrix of incompressible flow in a square box, by finite differences on a staggered grid (Harlow and Welch
 /// 1965): velocities in the middle of the faces of side x side cells, pressures in the cells, the first one left out,
@@ -212,5 +212,5 @@ TEST_P(MovingPivots, APivotGoesAsFarAsItMustInOneGo) {
     }
 }
 
-}  // namespace
+}  // namespace moving_pivots_test
 }  // namespace espalier::test

@@ -4,7 +4,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace option_check_test {
 
 using namespace test;
 
@@ -38,5 +38,5 @@ TEST(OptionCheck, WhatCannotBeIsMisuse) {
   }
 }
 
-}  // namespace
+}  // namespace option_check_test
 }  // namespace espalier

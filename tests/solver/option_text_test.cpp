@@ -6,7 +6,7 @@
 #include <string>
 
 namespace espalier::solver {
-namespace {
+namespace option_text_test {
 
 TEST(OptionText, BytesWithUnits) {
   EXPECT_EQ(parse_bytes("0"), 0);
@@ -102,5 +102,5 @@ TEST(OptionText, Names) {
   EXPECT_EQ(name_of(StatusCode::accuracy_not_reached), "accuracy_not_reached");
 }
 
-}  // namespace
+}  // namespace option_text_test
 }  // namespace espalier::solver

@@ -12,7 +12,7 @@
 #include "solver/complex_common.hpp"
 
 namespace espalier {
-namespace {
+namespace partial_refactorization_test {
 
 using reference::Values;
 
@@ -310,5 +310,5 @@ TEST(PartialRefactorization, AfterAStopEverythingIsMade) {
   }
 }
 
-}  // namespace
+}  // namespace partial_refactorization_test
 }  // namespace espalier

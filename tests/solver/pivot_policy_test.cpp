@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 namespace espalier::solver {
-namespace {
+namespace pivot_policy_test {
 
 using Step = PivotPolicy::Step;
 
@@ -135,5 +135,5 @@ TEST(PivotsToMove, ZerosThatTookRowsStandLast) {
   EXPECT_TRUE(unstable_pivots(o).empty());
 }
 
-}  // namespace
+}  // namespace pivot_policy_test
 }  // namespace espalier::solver

@@ -13,7 +13,7 @@
 #include "solver/precision_choice.hpp"
 
 namespace espalier {
-namespace {
+namespace precision_test {
 
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 
@@ -159,5 +159,5 @@ TEST(Precision, TwoSlowFactorsInARowEndIt) {
   EXPECT_FALSE(watch.next_factor()) << "a factor without solves tells nothing";
 }
 
-}  // namespace
+}  // namespace precision_test
 }  // namespace espalier

@@ -13,7 +13,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace progress_test {
 
 using reference::Values;
 
@@ -126,5 +126,5 @@ TEST(Progress, FromC) {
   EXPECT_EQ(phases, before);
 }
 
-}  // namespace
+}  // namespace progress_test
 }  // namespace espalier

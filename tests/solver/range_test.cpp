@@ -7,7 +7,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace range_test {
 
 using reference::Values;
 using namespace test;
@@ -158,5 +158,5 @@ TEST(Range, NewValuesFarFromTheAnalyzedOnes) {
   }
 }
 
-}  // namespace
+}  // namespace range_test
 }  // namespace espalier

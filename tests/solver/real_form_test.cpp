@@ -10,7 +10,7 @@
 #include "solver/session.hpp"
 
 namespace espalier::solver {
-namespace {
+namespace real_form_test {
 
 using test::AsRealForm;
 using test::Dense;
@@ -367,5 +367,5 @@ TEST_F(ComplexOnGpu, GpusInCoreAndStreamed) {
       }
 }
 
-}  // namespace
+}  // namespace real_form_test
 }  // namespace espalier::solver

@@ -10,7 +10,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace result_files_test {
 
 namespace fs = std::filesystem;
 using reference::Values;
@@ -121,5 +121,5 @@ TEST(Trace, OfAFactorizationIsJson) {
   EXPECT_EQ(s.write_trace("/nonexistent/trace").code, StatusCode::invalid_input);
 }
 
-}  // namespace
+}  // namespace result_files_test
 }  // namespace espalier

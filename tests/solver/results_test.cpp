@@ -12,7 +12,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace results_test {
 
 using reference::Triple;
 using reference::Values;
@@ -313,5 +313,5 @@ TEST(Figures, TiersAddUp) {
   EXPECT_EQ(fronts, r.fronts);
 }
 
-}  // namespace
+}  // namespace results_test
 }  // namespace espalier

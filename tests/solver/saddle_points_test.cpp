@@ -8,7 +8,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace saddle_points_test {
 
 using reference::Corner;
 using reference::SaddleShape;
@@ -125,5 +125,5 @@ TEST(SaddlePoints, RectangularCouplings) {
     }
 }
 
-}  // namespace
+}  // namespace saddle_points_test
 }  // namespace espalier

@@ -8,7 +8,7 @@
 #include "matrix/generators/generate.hpp"
 
 namespace espalier {
-namespace {
+namespace sharing_test {
 
 struct Answer {
   std::vector<double> x;
@@ -48,5 +48,5 @@ TEST(Sharing, SwitchesChangeWhoWorksNotWhatComesOut) {
       }
 }
 
-}  // namespace
+}  // namespace sharing_test
 }  // namespace espalier

@@ -3,7 +3,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace solver_input_test {
 
 using reference::Triple;
 using reference::Values;
@@ -193,5 +193,5 @@ TEST(SolverInput, PatternOnlyAnalysis) {
   }
 }
 
-}  // namespace
+}  // namespace solver_input_test
 }  // namespace espalier

@@ -15,7 +15,7 @@
 #include "solver/solver_common.hpp"
 
 namespace espalier {
-namespace {
+namespace solver_test {
 
 using reference::Triple;
 using reference::Values;
@@ -402,5 +402,5 @@ TEST(SolverPrecision, MixedOnIllConditionedSystemsIsAccurateOrHonest) {
   }
 }
 
-}  // namespace
+}  // namespace solver_test
 }  // namespace espalier
