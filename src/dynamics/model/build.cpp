@@ -223,7 +223,7 @@ class Builder {
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
-    } else if (given.type == ForceType::load && given.frames.empty()) {
+    } else if (given.material) {
       add_body_load(given);
     } else if (given.type == ForceType::line_load) {
       add_line_load(given);
@@ -272,8 +272,7 @@ class Builder {
     if (!body->mesh || body->reduced != nullptr)
       throw std::invalid_argument("body loads act on solids, which are not reduced");
     const std::span<const Index> elements =
-        f.face.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.face));
-    const BodyLoadLaw law{f.linear_damping, f.linear, f.angular, f.start};
+        f.element_set.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.element_set));
     if (body->spec.massless && (!law.acceleration.isZero(0) || !law.spin.isZero(0)))
       throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
     auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);

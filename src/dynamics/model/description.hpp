@@ -19,6 +19,7 @@
 #include "dynamics/contact/law.hpp"
 #include "dynamics/contact/shape.hpp"
 #include "dynamics/contact/sprocket.hpp"
+#include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/forces/stop.hpp"
 #include "dynamics/integrators/bdf.hpp"
@@ -330,9 +331,11 @@ struct ForceSpec {
   // Bushing: stiffness and damping; load: force and moment
   Vec3 linear = Vec3::Zero(), linear_damping = Vec3::Zero(), angular = Vec3::Zero(), angular_damping = Vec3::Zero();
   bool follower = false;
-  // Pressure
-  std::string body, face;
-  MarkerSpec where;  ///< of a load per length: the line; linear and angular are force and moment per length
+  std::string body, face;  ///< face: of pressure
+  // Load on the material of a body
+  std::optional<BodyLoadLaw> material;
+  std::string element_set;  ///< empty: all
+  MarkerSpec where;         ///< of a load per length: the line; linear and angular are force and moment per length
   // Guide
   std::vector<GuideSegment> segments;
   Vec3 start = Vec3::Zero();

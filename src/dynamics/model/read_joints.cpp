@@ -189,15 +189,12 @@ void read_cable_force(Section& s, ForceSpec& f) {
   f.slip_speed = f.friction > 0 ? s.positive("slip_speed") : s.positive("slip_speed", 1);
 }
 
-/// A load on the material of a solid: linear is a force per volume, linear_damping an acceleration, angular the angular
-/// velocity of axes that turn about start, face a set of elements.
+/// A load on the material of a solid.
 void read_body_load(Section& s, ForceSpec& f) {
   f.body = s.text("body");
-  f.face = s.text("element_set", "");
-  f.linear = s.vector("force_density", Vec3::Zero());
-  f.linear_damping = s.vector("acceleration", Vec3::Zero());
-  f.angular = s.vector("angular_velocity", Vec3::Zero());
-  f.start = s.vector("point", Vec3::Zero());
+  f.element_set = s.text("element_set", "");
+  f.material = {s.vector("acceleration", Vec3::Zero()), s.vector("force_density", Vec3::Zero()),
+                s.vector("angular_velocity", Vec3::Zero()), s.vector("point", Vec3::Zero())};
   if (!s.has("acceleration") && !s.has("force_density") && !s.has("angular_velocity"))
     fail(s.place(),
          "needs 'acceleration', 'force_density' (force per volume), or 'angular_velocity' of axes that turn about "
