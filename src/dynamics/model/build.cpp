@@ -273,6 +273,7 @@ class Builder {
       throw std::invalid_argument("body loads act on solids, which are not reduced");
     const std::span<const Index> elements =
         f.element_set.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.element_set));
+    const BodyLoadLaw& law = *f.material;
     if (body->spec.massless && (!law.acceleration.isZero(0) || !law.spin.isZero(0)))
       throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
     auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);
