@@ -348,3 +348,19 @@ def test_unknown_joint_and_keyframe(tmp_path):
         esp.Model.from_urdf(pendulum(tmp_path), positions={"hing": 1})
     with pytest.raises(esp.InvalidInputError, match="no keyframe 'away'"):
         esp.Model.from_mjcf(mjcf(tmp_path, WORLD.format("")), keyframe="away")
+
+
+def test_names_of_actuators(tmp_path):
+    """Inputs have letters, digits and _: an actuator of another name drives its joint by one that a notice names. Truth: the pendulum under
+    the torque."""
+    path = mjcf(tmp_path, '<worldbody><body name="a"><joint name="left-hip" axis="0 1 0"/>' + BOB + '</body><body name="b" pos="0 2 0">'
+                '<joint name="2nd hip" axis="0 1 0"/>' + BOB + '</body></worldbody><actuator><motor name="left-wheel" joint="left-hip"/>'
+                '<motor name="left_wheel" joint="2nd hip"/><motor name="2nd/ü" joint="2nd hip"/></actuator>')
+    model = esp.Model.from_mjcf(path)
+    assert list(model.tree["inputs"]) == ["left_wheel", "left_wheel_input", "2nd___"]
+    assert any("left-wheel (left_wheel), left_wheel (left_wheel_input), 2nd/ü (2nd___)" in notice for notice in model.notices), model.notices
+    for name, value in zip(model.tree["inputs"], (2.0, 0.5, 0.7)):
+        model.tree["inputs"][name] = value
+    (left, right), _ = run(model, ["left-hip.angle", "2nd_hip.angle"])
+    assert left == pytest.approx(swing(0, lambda t, q, w: 2.0)[0], abs=1e-6)
+    assert right == pytest.approx(swing(0, lambda t, q, w: 1.2)[0], abs=1e-6)

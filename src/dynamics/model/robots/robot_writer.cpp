@@ -37,6 +37,8 @@ class RobotWriter {
       out_ << shapes_text(
           robot_, tree_, names_of_bodies_, [&](const std::string& wish) { return names_.take(wish, ""); }, path_,
           options_);
+    if (const std::string renamed = input_names_.renamed(); !renamed.empty())
+      robot_.notices.push_back(path_ + ": actuators and tendons whose inputs and sensors have other names: " + renamed);
     return head() + out_.str() + tail();
   }
 
@@ -213,7 +215,7 @@ class RobotWriter {
 
   /// What an actuator exerts along `length`, before its gear.
   std::string force_text(const Actuator& a, const std::string& length, const std::string& rate, double felt) {
-    std::string name = input_names_.take(a.name, "_input");
+    const std::string name = input_names_.take(a.name, "_input");
     inputs_ += name + " = " + number_text(a.start) + "\n";
     const bool plain = in_expression(name, "") == name;
     const std::string u =
@@ -384,7 +386,7 @@ class RobotWriter {
   const RobotOptions& options_;
   std::ostringstream out_;
   std::string inputs_, sensors_;
-  Names names_, input_names_;
+  Names names_, input_names_{false};
   std::vector<std::string> names_of_bodies_;
   std::map<std::string, std::string> joint_names_;
 };

@@ -58,7 +58,13 @@ std::string in_quotes(std::string_view text) {
 
 std::string Names::take(const std::string& wish, const std::string& suffix) {
   std::string name;
-  for (const char c : wish) name += is_letter(c) || is_digit(c) || c == '-' ? c : '_';
+  for (const char c : wish) name += is_letter(c) || is_digit(c) || (dashes_ && c == '-') ? c : '_';
+  name = fresh(std::move(name), suffix);
+  if (!wish.empty() && name != wish) renamed_.push_back(printable(wish) + " (" + name + ")");
+  return name;
+}
+
+std::string Names::fresh(std::string name, const std::string& suffix) {
   if (name.empty()) name = suffix.empty() ? "part" : suffix.substr(1);
   if (taken_.empty())
     for (const char* word : {"ground", "energy", "constraints", "step", "time", "inputs", "sensors"}) taken_[word] = 1;
@@ -67,6 +73,14 @@ std::string Names::take(const std::string& wish, const std::string& suffix) {
   if (!suffix.empty() && taken_.emplace(name, 1).second) return name;
   for (int& k = ++taken_[name];; ++k)
     if (std::string numbered = name + "_" + std::to_string(k); taken_.emplace(numbered, 1).second) return numbered;
+}
+
+std::string Names::renamed() const {
+  constexpr std::size_t kMost = 12;
+  std::string text;
+  for (std::size_t k = 0; k < renamed_.size() && k < kMost; ++k) text += (k > 0 ? ", " : "") + renamed_[k];
+  if (renamed_.size() > kMost) text += " and " + std::to_string(renamed_.size() - kMost) + " more";
+  return text;
 }
 
 std::string in_expression(const std::string& name, const std::string& quantity) {

@@ -22,13 +22,20 @@ namespace espalier::dynamics::model::robots {
 /// A text in quotes.
 [[nodiscard]] std::string in_quotes(std::string_view text);
 
-/// Names of parts, which models have once: letters, digits, - and _.
+/// Names, which models have once: of parts letters, digits, - and _.
 class Names {
  public:
+  /// @param dashes  inputs and sensors have none
+  explicit Names(bool dashes = true) : dashes_(dashes) {}
   /// The name itself where nobody has it, else with the suffix or a number behind it.
   [[nodiscard]] std::string take(const std::string& wish, const std::string& suffix);
+  /// "wish (name), ...", where they differ.
+  [[nodiscard]] std::string renamed() const;
 
  private:
+  [[nodiscard]] std::string fresh(std::string name, const std::string& suffix);
+  bool dashes_;
+  std::vector<std::string> renamed_;
   std::map<std::string, int> taken_;
 };
 
