@@ -208,7 +208,7 @@ DECKS = {"loads C3D4": lambda: loads("C3D4"), "loads C3D10": lambda: loads("C3D1
          "distributing C3D20R": lambda: coupling("C3D20R", "DISTRIBUTING TURNED", tapered),
          "materials C3D8": lambda: materials("C3D8"), "materials C3D10": lambda: materials("C3D10"),
          "materials C3D20": lambda: materials("C3D20"), "materials C3D20R": lambda: materials("C3D20R"),
-         # Centrifugal forces of others are integrated at fewer points there: 4e-3 (C3D4) of the displacement, on coarse meshes.
+         # Centrifugal forces of others are integrated at fewer points there: docs/guide/your_files.md has the differences.
          "spin C3D8": lambda: spin("C3D8"), "spin C3D20": lambda: spin("C3D20"), "spin C3D20R": lambda: spin("C3D20R"),
          "spin with masses": lambda: spin("C3D20", True), "mpc C3D8": lambda: mpc("C3D8"), "mpc C3D20": lambda: mpc("C3D20"),
          "modes of materials C3D20": lambda: materials_modes("C3D20"),

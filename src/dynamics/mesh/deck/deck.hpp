@@ -153,6 +153,7 @@ struct Deck {
   std::vector<DeckEquation> equations;
   std::vector<DeckTie> ties;
   std::vector<DeckConnector> connectors;
+  double longest = 0;  ///< increment of a motion; 0: any
   std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
   std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
   DeckStep step;

@@ -118,6 +118,8 @@ void Taker::step() {
     out_.run.emplace_back("integrator", std::move(run));
   } else {
     out_.run.emplace_back("statics", s.large ? m.table({}) : m.table({{"linear", m.flag(true)}}));
+    } else if (s.longest > 0) {
+      run.entries.emplace_back("max_step", m.number(s.longest));
     if (s.kind == DeckStep::Kind::modes) out_.run.emplace_back("initial", m.table({{"modes", m.whole(s.modes)}}));
   }
   constexpr std::size_t kMost = 12;
