@@ -72,6 +72,7 @@ SECTIONS = (
     ("How a face is held", "read_markers.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
     ("Where a marker is", "read_markers.cpp", "read_where", (), (("Markers", "key"),)),
     ("", "read_markers.cpp", "read_nodes", (), (("Markers", "key"),)),
+    ("", "read_markers.cpp", "read_weights", (), (("Markers", "key"),)),
     ("", "read_markers.cpp", "read_along", (), (("Markers", "key"),)),
     ("Axes of a marker", "read_markers.cpp", "read_axes", (), (("Markers", "key"),)),
     ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),

@@ -71,9 +71,9 @@ PARTS = {
         ("line", "radius divisions", "radius"))},
     "contacts": {"": ("read_contact read_contact_law", "", "surfaces stiffness")},
     "materials": {"": ("read_material", "", "young")},
-    "markers": {"": ("read_marker read_attach read_axes read_where read_nodes read_along", "same_as body global point axis x_axis rotation attach node near face"
-                     " nodes along edge radius bore most_nodes", "")},
-    "supports": {"": ("read_where read_nodes read_along read_support read_hold read_symmetry", "body node near face nodes along edge radius bore hold symmetry"
+    "markers": {"": ("read_marker read_attach read_axes read_where read_nodes read_weights read_along", "same_as body global point axis x_axis rotation attach node near face"
+                     " nodes weights along edge radius bore most_nodes", "")},
+    "supports": {"": ("read_where read_nodes read_along read_support read_hold read_rotations read_symmetry", "body node near face nodes along edge radius bore hold rotations symmetry"
                       " rotation motion", "body")},
     "equations": {"": ("read_equation", "", "terms")},
     "ties": {"": ("read_where read_nodes read_along read_tie", "body node near face nodes along edge radius bore to tolerance", "body to")},

@@ -509,6 +509,7 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
             at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"

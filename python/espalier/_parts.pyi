@@ -252,7 +252,7 @@ class Bore(TypedDict, total=False):
     length: Number
 
 
-Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str | Items[Whole], "along": Numbers, "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
+Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": bool, "point": Vector, "axis": Vector, "x_axis": Vector, "rotation": Vector | Rotation, "attach": Literal["mean", "rigid"], "node": Whole, "near": Vector, "face": str, "nodes": str | Items[Whole], "weights": Numbers, "along": Numbers, "edge": Texts, "radius": Number, "bore": Bore, "most_nodes": Whole}, total=False)
 """A marker in line.
     same_as: text. another marker's name, instead of all the rest
     name: text
@@ -273,6 +273,7 @@ Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": 
     face: text. solids: a face set, held as attach says
     nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a list of
         labels as of node: [31, 90]. The frame is at their mean
+    weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
     along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0 at
         the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
     edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
@@ -1915,8 +1916,8 @@ class Parts:
     def marker(
         self, name: str, /, *, same_as: str = ..., body: str = ..., global_: bool = ..., point: Vector = ..., axis:
         Vector = ..., x_axis: Vector = ..., rotation: Vector | Rotation = ..., attach: Literal["mean", "rigid"] = ...,
-        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., along: Numbers = ...,
-        edge: Texts = ..., radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
+        node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., weights: Numbers =
+        ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., most_nodes: Whole = ...
     ) -> str:
         """Adds [markers.NAME], and returns the name.
 
@@ -1938,6 +1939,7 @@ class Parts:
         face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
+        weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
             at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"

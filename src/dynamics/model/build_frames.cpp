@@ -5,6 +5,7 @@
 #include <limits>
 #include <map>
 #include <numbers>
+#include <numeric>
 #include <optional>
 #include <set>
 
@@ -258,8 +259,11 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   if (!m.edge.empty() || (m.by_nodes() && (m.attach == Attach::mean || !body.mesh))) return make_mean(m, body, axes);
   if (m.by_nodes()) {
     const std::vector<Index> set = nodes_of(m, body);
+    std::vector<double> weights(set.size(), 1);
+    if (!m.weights.empty()) weights = weights_labelled(body, m.labels, m.weights);
+    const double sum = std::accumulate(weights.begin(), weights.end(), 0.0);
     std::vector<FrameVertex> vertices;
-    for (const Index k : set) vertices.push_back({k, 1.0 / static_cast<double>(set.size()), Vec3::Zero()});
+    for (std::size_t k = 0; k < set.size(); ++k) vertices.push_back({set[k], weights[k] / sum, Vec3::Zero()});
     return std::make_unique<FlexibleFrame>(flexible, std::move(vertices));
   }
   const Index k = node(m, body);

@@ -9,6 +9,7 @@
 
 #include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -190,6 +191,11 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_mean(const MarkerSpec& m, cons
   else if (shell != nullptr && m.edge.size() == 1)  // by length: ends count half
     for (const std::size_t end : {std::size_t{0}, std::size_t{1}, points.size() - 2, points.size() - 1})
       weights[end] = 0.5;
+  if (!m.weights.empty()) {
+    const std::vector<double> of_nodes = weights_labelled(body, m.labels, m.weights);
+    const std::size_t sides = points.size() / of_nodes.size();  // two of a shell
+    for (std::size_t k = 0; k < weights.size(); ++k) weights[k] = of_nodes[k / sides];
+  }
   double sum = 0;
   for (const double w : weights) sum += w;
   for (double& w : weights) w /= sum;

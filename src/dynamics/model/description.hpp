@@ -211,6 +211,7 @@ struct MarkerSpec {
   std::string face;                  ///< face set: averaged
   std::string nodes;                 ///< node set: averaged position, and axes where `attach` is given
   std::vector<std::int64_t> labels;  ///< the same by the labels of the nodes
+  std::vector<double> weights;       ///< of each label, in the mean; empty: all alike
   std::vector<std::string> edge;     ///< what faces of a solid have in common; edges of a shell
   std::vector<double> along;         ///< of a beam or cable: the node at this share of its length, or those between two
   double radius = 0;                 ///< > 0: only the faces of the set within this distance of `near`

@@ -30,6 +30,19 @@ void read_nodes(Section& s, MarkerSpec& m) {
   }
 }
 
+/// Of each label in the mean.
+void read_weights(Section& s, MarkerSpec& m) {
+  if (!s.has("weights")) return;
+  m.weights = s.numbers("weights");
+  if (m.weights.size() != m.labels.size())
+    fail(s.place("weights"), fmt::format("needs one number for each node of 'nodes', a list of labels: {}, not {}",
+                                         m.labels.size(), m.weights.size()));
+  if (std::any_of(m.weights.begin(), m.weights.end(), [](double w) { return !(w > 0); }))
+    fail(s.place("weights"), "must all be greater than 0");
+  if (m.attach == Attach::rigid || !m.face.empty())
+    fail(s.place("weights"), "are of the mean of nodes; leave them out with attach = \"rigid\" and 'face'");
+}
+
 /// A share of the length, or two of them.
 void read_along(Section& s, MarkerSpec& m) {
   if (!s.has("along")) return;
@@ -91,6 +104,7 @@ MarkerSpec read_marker(const Value& value, const std::string& name) {
   m.axes = read_axes(s, m.axis_given);
   m.attach = read_attach(s);
   read_where(s, m);
+  read_weights(s, m);
   m.most_nodes = s.integer("most_nodes", 0, 240);
   s.finish();
   return m;

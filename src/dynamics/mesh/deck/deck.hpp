@@ -102,14 +102,21 @@ struct DeckEquation {
   std::vector<Term> terms;
   double value = 0;
 };
-/// Nodes that go with a reference node: as one rigid piece, or in the mean.
+/// Nodes that go with a reference node: as one rigid piece, or in the mean: u = sum w_k u_k / sum w_k, and the rotation
+/// whose motion of the nodes about that has the least sum of w_k |difference|^2 (MSC Nastran, Quick Reference Guide,
+/// RBE3; CalculiX 2.20, ccx_2.20.pdf, *DISTRIBUTING).
 struct DeckCoupling {
   DeckPlace place;
   Index reference = 0;
   std::vector<Index> nodes;
   bool rigid = true;
   std::vector<MeshFace> faces{};  ///< of couplings in the mean: nodes count by the areas of these; empty: all alike
+  std::vector<double> weights{};  ///< of couplings in the mean: of each node, instead of faces; empty: all alike
+  bool turns = true;              ///< else the displacement of the reference alone follows, wherever it lies
+  std::string notice{};           ///< what is to be known of it
 };
+/// Sets nodes and weights.
+void weigh(const std::map<Index, double>& weights, DeckCoupling& coupling);
 /// Nodes that stay where they are on faces.
 struct DeckTie {
   DeckPlace place;
@@ -134,6 +141,7 @@ struct DeckStep {
   bool fixed = false;  ///< steps of the motion all have the length `increment`
   int modes = 0;
   double period = 1, increment = 0, alpha = -0.05;
+  double longest = 0;  ///< increment of a motion; 0: any
 };
 /// What a deck states and nobody takes.
 struct DeckLeft {
@@ -153,7 +161,6 @@ struct Deck {
   std::vector<DeckEquation> equations;
   std::vector<DeckTie> ties;
   std::vector<DeckConnector> connectors;
-  double longest = 0;  ///< increment of a motion; 0: any
   std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
   std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
   DeckStep step;

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <functional>
 
 #include "dynamics/mesh/deck/point_algebra.hpp"
 
@@ -12,6 +13,15 @@ namespace espalier::dynamics {
 
 void fail(const DeckPlace& place, const std::string& message) {
   throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", place.file, place.line, message));
+}
+
+void weigh(const std::map<Index, double>& weights, DeckCoupling& coupling) {
+  for (const auto& [node, weight] : weights) {
+    coupling.nodes.push_back(node);
+    coupling.weights.push_back(weight);
+  }
+  const auto& w = coupling.weights;
+  if (std::adjacent_find(w.begin(), w.end(), std::not_equal_to<>()) == w.end()) coupling.weights.clear();
 }
 
 CardFields::CardFields(const DeckPlace& place, std::string_view text) : place_(place) {

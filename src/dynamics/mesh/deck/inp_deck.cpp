@@ -138,8 +138,8 @@ class InpDeckReader {
       leave(DeckKind::step, "*DYNAMIC from where the steps before it have led", card);
     step.increment = f.real(0, "first increment", 1);
     step.period = f.real(1, "time of the step", 1);
-    step.fixed = card.keyword.has("DIRECT");
     step.longest = step.kind == DeckStep::Kind::motion ? f.real(3, "largest increment", 0) : 0;
+    step.fixed = card.keyword.has("DIRECT");
     if (card.keyword.has("ALPHA")) step.alpha = CardFields(card.place, card.keyword.get("ALPHA")).real(0, "ALPHA");
     if (!(step.increment > 0 && step.period > 0))
       fail(f.place(), fmt::format("{}: increment and time must be above 0", card.keyword.name));

@@ -2,10 +2,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <optional>
 
 #include "dynamics/mesh/deck/inp_deck.hpp"
+#include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -55,6 +57,7 @@ class InpPartReader {
     const DeckKind kind = single.type.starts_with("SPRING")                   ? DeckKind::springs
                           : single.type.starts_with("DASHPOT")                ? DeckKind::dashpots
                           : single.type == "MASS" || single.type == "ROTARYI" ? DeckKind::masses
+                          : single.type == "DCOUP3D"                          ? DeckKind::couplings
                                                                               : DeckKind::others;
     if (!rigid) target_.leave(kind, fmt::format("elements {}", single.type), single.fields.place());
   }
@@ -68,12 +71,10 @@ class InpPartReader {
     if (name == "*RIGIDBODY") return rigid_body(card);
     if (name == "*COUPLING" || name == "*KINEMATICCOUPLING") return coupling(card);
     if (name == "*KINEMATIC" || name == "*DISTRIBUTING") return constraint(card);
+    if (name == "*DISTRIBUTINGCOUPLING") return old_distributing(card);
     if (name == "*TIE") return tie(card);
     if (!is_inp_part_keyword(name)) return;
-    target_.leave(name == "*ROTARYINERTIA"          ? DeckKind::masses
-                  : name == "*DISTRIBUTINGCOUPLING" ? DeckKind::couplings
-                                                    : DeckKind::others,
-                  name, card.place);
+    target_.leave(name == "*ROTARYINERTIA" ? DeckKind::masses : DeckKind::others, name, card.place);
   }
 
   /// Calls take(element) for those of the card's set.
@@ -225,6 +226,9 @@ class InpPartReader {
   void constraint(const InpCard& card) {
     if (left_open_) return;
     if (!open_) fail(card.place, fmt::format("{} stands without a *COUPLING before it", card.keyword.name));
+    if (upper(card.keyword.get("WEIGHTINGMETHOD")) != "UNIFORM" &&
+        target_.leaves_parameter(card, DeckKind::couplings, {}))
+      return;
     open_->rigid = card.keyword.name == "*KINEMATIC";
     std::array<bool, 6> held{};
     for (std::size_t l = 0; l < card.lines.size(); ++l) {
@@ -242,6 +246,53 @@ class InpPartReader {
     else
       target_.leave(DeckKind::couplings, fmt::format("{} of some directions", card.keyword.name), card.place);
     open_.reset();
+  }
+
+  /// Of an element DCOUP3D: the sum of w_k (u_k - u) is 0, as in CalculiX, wherever the reference lies.
+  void old_distributing(const InpCard& card) {
+    if (target_.leaves_parameter(card, DeckKind::couplings, {"ELSET"})) return;
+    DeckCoupling out{card.place, -1, {}, false};
+    of_set(card, [&](Single& single) {
+      if (single.type != "DCOUP3D") return;
+      single.stated = true;
+      if (out.reference >= 0) fail(card.place, "*DISTRIBUTING COUPLING: its set has several elements DCOUP3D");
+      out.reference = target_.node(*single.card, single.fields, 1);
+    });
+    if (out.reference < 0) fail(card.place, "*DISTRIBUTING COUPLING: its set has no element DCOUP3D");
+    std::map<Index, double> weights;
+    for (std::size_t l = 0; l < card.lines.size(); ++l) {
+      const CardFields f = card.fields(l);
+      const double weight = f.real(1, "weight", 1);
+      if (weight < 0) fail(f.place(), fmt::format("*DISTRIBUTING COUPLING: the weight {:g} is negative", weight));
+      if (weight > 0)
+        for (const Index n : target_.nodes(card, f, 0)) weights[n] += weight;
+    }
+    if (weights.contains(out.reference))
+      fail(card.place, "*DISTRIBUTING COUPLING: its reference node is coupled to itself");
+    out.turns = false;
+    weigh(weights, out);
+    if (!is_central(out))
+      out.notice =
+          "*DISTRIBUTING COUPLING is taken as CalculiX takes it: forces act in the weighted mean of its nodes, "
+          "wherever the reference node lies; Abaqus adds their moment about that mean, which *COUPLING with "
+          "*DISTRIBUTING has here, too";
+    add_coupling(std::move(out));
+  }
+
+  /// Whether the reference lies in the mean of the nodes.
+  [[nodiscard]] bool is_central(const DeckCoupling& c) const {
+    const auto at = [&](Index n) { return target_.lookup().mesh().nodes[static_cast<std::size_t>(n)]; };
+    constexpr double kNear = 1e-6;
+    Point sum{};
+    double all = 0, far = 0;
+    for (std::size_t k = 0; k < c.nodes.size(); ++k) {
+      const double w = c.weights.empty() ? 1 : c.weights[k];
+      const Point arm = difference_of(at(c.nodes[k]), at(c.reference));
+      sum = difference_of(sum, scaled_by(-w, arm));
+      all += w;
+      far = std::max(far, std::sqrt(dot_product(arm, arm)));
+    }
+    return std::sqrt(dot_product(sum, sum)) <= kNear * far * all;
   }
 
   void add_coupling(DeckCoupling out) {

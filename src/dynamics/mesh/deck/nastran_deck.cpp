@@ -22,25 +22,6 @@ bool is_harmless_card(const std::string& name) {
   return std::find(std::begin(kHarmless), std::end(kHarmless), name) != std::end(kHarmless);
 }
 
-/// Degrees of freedom of a field: "123".
-std::vector<int> directions_of(const NastranCard& card, std::size_t k) {
-  std::vector<int> out;
-  for (const char c : card.field(k)) {
-    if (c == '0') continue;
-    if (c < '1' || c > '6')
-      card.fail(
-          fmt::format("field {}: '{}' are no degrees of freedom; they are digits from 1 to 6", k + 2, card.field(k)));
-    out.push_back(c - '1');
-  }
-  return out;
-}
-
-/// x, y and z.
-bool has_displacements(const std::vector<int>& directions) {
-  const auto has = [&](int d) { return std::find(directions.begin(), directions.end(), d) != directions.end(); };
-  return has(0) && has(1) && has(2);
-}
-
 class NastranDeckReader {
  public:
   NastranDeckReader(const std::vector<NastranCard>& cards, const NastranControl& control, NastranSystems& systems,
@@ -106,6 +87,8 @@ class NastranDeckReader {
     return from.empty() ? std::nullopt : std::optional(*from.begin());
   }
 
+  static constexpr int kModesBelow = 20;  // where a frequency alone bounds them
+
   void solution() {
     for (const std::string& word : case_.left) leave(DeckKind::step, word, case_.place);
     DeckStep& step = deck_.step;
@@ -120,9 +103,15 @@ class NastranDeckReader {
       const auto method = case_.method ? methods_.find(*case_.method) : methods_.begin();
       if (method == methods_.end()) fail(case_.place, "SOL 103 needs METHOD = N and a card EIGRL of that number");
       const NastranCard& card = *method->second;
-      step.modes = static_cast<int>(
-          std::clamp<std::int64_t>(card.integer(card.name == "EIGRL" ? 3 : 5, "number of modes", 0), 0, 100000));
-      if (step.modes < 1) card.fail("states no number of modes (ND)");
+      const std::size_t count = card.name == "EIGRL" ? 3 : 5, top = count - 1;
+      if (card.field(count).empty()) {  // MSC Nastran: all below V2, or one
+        step.modes = card.field(top).empty() ? 1 : kModesBelow;
+        deck_.notices.push_back(
+            fmt::format("{}:{}: {} states no number of modes (ND): {}", card.path, card.line, card.name, step.modes));
+      } else {
+        step.modes = static_cast<int>(std::clamp<std::int64_t>(card.integer(count, "number of modes"), 0, 100000));
+      }
+      if (step.modes < 1) card.fail("the number of modes (ND) is not above 0");
       for (const std::size_t bound : {1U, 2U})
         if (const std::size_t k = bound + (card.name == "EIGRL" ? 0 : 1); card.real(k, "frequency", 0) > 0)
           deck_.notices.push_back(fmt::format("{}:{}: the lowest {} modes are given, also those {} {}", card.path,
@@ -149,7 +138,7 @@ class NastranDeckReader {
     if (n == "CBUSH") return bush(card);
     if (n == "CONM2") return mass(card);
     if (n == "RBE2") return rigid(card);
-    if (n == "RBE3") return mean(card);
+    if (n == "RBE3") return read_nastran_mean(card, systems_, deck_);
     if (n == "PARAM") return parameter(card);
     if (n == "MAT9" && !is_of_solids(card)) return;
     static constexpr std::string_view kElsewhere[] = {"SPC",  "SPC1",   "SPCADD", "MPC",    "MPCADD", "FORCE", "MOMENT",
@@ -330,38 +319,8 @@ class NastranDeckReader {
            (points.fields.back().empty() || points.fields.back().find('.') != std::string::npos))
       points.fields.pop_back();
     out.nodes = grids(points, 3);
-    add_coupling(card, std::move(out));
-  }
-
-  void mean(const NastranCard& card) {
-    DeckCoupling out{place_of(card), grid(card, 2), {}, false};
-    if (!has_displacements(directions_of(card, 3)))
-      return leave(DeckKind::couplings, "RBE3 whose reference follows in some directions", place_of(card));
-    std::optional<double> weight;
-    for (std::size_t k = 4; k < card.fields.size(); ++k) {
-      const std::string& field = card.field(k);
-      if (field.empty()) continue;
-      if (upper(field) == "UM") return leave(DeckKind::couplings, "RBE3 with UM", place_of(card));
-      if (upper(field) == "ALPHA") break;
-      if (field.find('.') == std::string::npos) {
-        out.nodes.push_back(grid(card, k));
-        continue;
-      }
-      const double here = card.real(k, "weight");
-      if (weight && here != *weight) return leave(DeckKind::couplings, "RBE3 with different weights", place_of(card));
-      weight = here;
-      const std::vector<int> directions = directions_of(card, ++k);
-      if (!has_displacements(directions)) return leave(DeckKind::couplings, "RBE3 of some directions", place_of(card));
-    }
-    add_coupling(card, std::move(out));
-  }
-
-  void add_coupling(const NastranCard& card, DeckCoupling out) {
-    if (std::find(out.nodes.begin(), out.nodes.end(), out.reference) != out.nodes.end())
-      card.fail(fmt::format("grid point {} depends on itself", node_name(deck_.mesh, out.reference)));
     sort_unique(out.nodes);
-    if (out.nodes.empty()) card.fail("couples no grid points");
-    deck_.couplings.push_back(std::move(out));
+    add_nastran_coupling(card, std::move(out), deck_);
   }
 
   void equation(const NastranCard& card) {

@@ -152,8 +152,8 @@ std::span<const PartKeys> all_part_keys() {
       {"materials", "",
        "law young poisson density"},
       {"markers", "",
-       "same_as body global point axis x_axis rotation attach node near face nodes along edge radius bore "
-       "most_nodes"},
+       "same_as body global point axis x_axis rotation attach node near face nodes weights along edge radius "
+       "bore most_nodes"},
       {"supports", "",
        "body node near face nodes along edge radius bore hold symmetry rotation motion"},
       {"equations", "",

@@ -114,12 +114,12 @@ void Taker::step() {
       run.entries.emplace_back("method", m.text("generalized-alpha"));
       run.entries.emplace_back("step", m.number(s.increment));
       run.entries.emplace_back("hht_alpha", m.number(s.alpha));
+    } else if (s.longest > 0) {
+      run.entries.emplace_back("max_step", m.number(s.longest));
     }
     out_.run.emplace_back("integrator", std::move(run));
   } else {
     out_.run.emplace_back("statics", s.large ? m.table({}) : m.table({{"linear", m.flag(true)}}));
-    } else if (s.longest > 0) {
-      run.entries.emplace_back("max_step", m.number(s.longest));
     if (s.kind == DeckStep::Kind::modes) out_.run.emplace_back("initial", m.table({{"modes", m.whole(s.modes)}}));
   }
   constexpr std::size_t kMost = 12;

@@ -15,7 +15,8 @@
 namespace espalier::dynamics::model {
 
 /// What a node of the deck is in the model.
-enum class NodeRole { solid, rigid_reference, mean_reference, mass, alone };
+/// A mean place has no rotation.
+enum class NodeRole { solid, rigid_reference, mean_reference, mean_place, mass, alone };
 
 class Taker {
  public:
@@ -33,6 +34,9 @@ class Taker {
   void find_roles_of(const DeckCoupling& c, int number);
   [[nodiscard]] std::string name(Index node) const { return node_name(deck_.mesh, node); }
   [[nodiscard]] const Point& at(Index node) const { return deck_.mesh.nodes[static_cast<std::size_t>(node)]; }
+  [[nodiscard]] bool turns(Index node) const {
+    return role(node) == NodeRole::rigid_reference || role(node) == NodeRole::mean_reference;
+  }
   [[nodiscard]] NodeRole role(Index node) const { return roles_[static_cast<std::size_t>(node)]; }
   [[nodiscard]] ValueMaker maker(const DeckPlace& place, const std::string& section, const std::string& entry) const;
   std::string fresh_name(const char* what) { return fmt::format("{}_{}_{}", body_, what, ++numbers_[what]); }
@@ -64,11 +68,12 @@ class Taker {
   /// Of a curve, when the step ends.
   [[nodiscard]] double at_end(int curve) const;
   std::string spline(int curve);
-  /// A rigid piece by a joint to the ground.
+  /// What a coupling joins, by a joint to the ground.
   void hold_reference(Index node, const Held& held, const DeckPlace& place);
   void add_prescribed(Index node, const DeckHold& h, std::size_t d);
   void masses();
-  void hold_mass(Index node, const Held& held);
+  /// A mass, or a mean place, by displacements.
+  void hold_place(Index node, const Held& held);
   /// Force and moment of one node under one curve, in global axes.
   struct Load {
     Point force{}, moment{};

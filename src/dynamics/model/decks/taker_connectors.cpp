@@ -10,7 +10,7 @@ Value Taker::connector_end(const ValueMaker& m, Index node, const Point& point, 
     return frame;
   };
   if (node < 0 || is_ground(node)) return turned(m.table({{"body", m.text("ground")}, {"point", m.vector(point)}}));
-  if (role(node) == NodeRole::rigid_reference || role(node) == NodeRole::mean_reference)
+  if (turns(node))
     return turned(coupling_frame(m, deck_.couplings[static_cast<std::size_t>(references_.at(node))], point));
   if (point != at(node))
     fail(m.place(), fmt::format("node {} does not turn, and the connector joins it to another place: put the "

@@ -30,7 +30,7 @@ void Taker::springs(const std::vector<DeckSpring>& list, const char* what) {
     }
     const Index node = s.b >= 0 && is_ground(s.a) ? s.b : s.a;
     if (is_ground(node)) continue;
-    if (s.direction >= 3 && role(node) != NodeRole::rigid_reference && role(node) != NodeRole::mean_reference)
+    if (s.direction >= 3 && !turns(node))
       dynamics::fail(s.place, fmt::format("a spring acts on the rotation of node {}, which does not turn", name(node)));
     Point linear{}, angular{}, damping{}, angular_damping{};
     const auto d = static_cast<std::size_t>(s.direction % 3);
@@ -134,11 +134,24 @@ void Taker::ties() {
 }
 
 Value Taker::coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Point& point) {
-  Value frame = m.table({{"body", m.text(body_)},
-                         {"attach", m.text(c.rigid ? "rigid" : "mean")},
-                         {"nodes", m.text(node_set("deck-" + coupling_name(c.reference), c.nodes))},
-                         {"point", m.vector(point)},
-                         {"most_nodes", m.whole(0)}});
+  Value frame = m.table({{"body", m.text(body_)}});
+  if (c.weights.empty()) {
+    frame.entries.emplace_back("nodes", m.text(node_set("deck-" + coupling_name(c.reference), c.nodes)));
+  } else {
+    if (!unique_labels_)
+      dynamics::fail(c.place,
+                     "the coupling has nodes of different weights, and nodes of several instances have the same "
+                     "numbers: number them apart, or give all the same weight");
+    std::vector<Value> labels, weights;
+    for (const Index n : c.nodes) labels.push_back(m.whole(deck_.mesh.node_label(n)));
+    for (const double w : c.weights) weights.push_back(m.number(w));
+    frame.entries.emplace_back("nodes", m.list(std::move(labels)));
+    frame.entries.emplace_back("weights", m.list(std::move(weights)));
+  }
+  if (!c.turns) return frame;  // the mean of places
+  frame.entries.emplace_back("attach", m.text(c.rigid ? "rigid" : "mean"));
+  frame.entries.emplace_back("point", m.vector(point));
+  frame.entries.emplace_back("most_nodes", m.whole(0));
   if (!c.rigid && !c.faces.empty()) {
     out_.face_sets["deck-" + coupling_name(c.reference)] = c.faces;
     frame.entries.emplace_back("face", m.text("deck-" + coupling_name(c.reference)));
@@ -152,6 +165,8 @@ void Taker::couplings() {
     const ValueMaker m = maker(c.place, "markers", entry);
     add("markers", entry, coupling_frame(m, c, at(c.reference)));
     outputs_.push_back(entry + ".position");
+    if (!c.notice.empty())
+      out_.notices.push_back(fmt::format("{}:{}: {}", c.place.file, c.place.line, c.notice));
     if (!c.rigid) continue;
     // What makes the nodes one piece where nothing else holds on to the reference node.
     const ValueMaker f = maker(c.place, "forces", entry + "_piece");

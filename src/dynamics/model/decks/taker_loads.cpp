@@ -29,7 +29,7 @@ void Taker::forces() {
       dynamics::fail(load.place,
                      fmt::format("the load acts on node {}, which belongs to no solid, mass or coupling", name(node)));
     }
-    if (load.moment != Point{} && (role(node) == NodeRole::solid || role(node) == NodeRole::mass))
+    if (load.moment != Point{} && !turns(node))
       dynamics::fail(load.place,
                      fmt::format("a moment acts on node {}, which does not turn; put it on the reference node of a "
                                  "coupling",

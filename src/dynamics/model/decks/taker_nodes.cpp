@@ -43,7 +43,7 @@ void Taker::find_roles_of(const DeckCoupling& c, int number) {
                                name(c.reference)));
   if (!references_.emplace(c.reference, number).second)
     dynamics::fail(c.place, fmt::format("the reference node {} is that of another coupling, too", name(c.reference)));
-  role = c.rigid ? NodeRole::rigid_reference : NodeRole::mean_reference;
+  role = c.rigid ? NodeRole::rigid_reference : c.turns ? NodeRole::mean_reference : NodeRole::mean_place;
 }
 
 ValueMaker Taker::maker(const DeckPlace& place, const std::string& section, const std::string& entry) const {
@@ -81,6 +81,7 @@ Value Taker::frame(const ValueMaker& m, Index node) {
     }
     case NodeRole::rigid_reference:
     case NodeRole::mean_reference:
+    case NodeRole::mean_place:
       return m.text(coupling_name(node));
     case NodeRole::mass:
       return m.text(mass_bodies_.at(node));
@@ -128,10 +129,11 @@ void Taker::masses() {
   }
 }
 
-void Taker::hold_mass(Index node, const Held& held) {
+void Taker::hold_place(Index node, const Held& held) {
   if (deck_.axes.contains(node) && held.any(0, 3))
     dynamics::fail((*std::find_if(held.by.begin(), held.by.end(), [](const auto* h) { return h != nullptr; }))->place,
-                   fmt::format("the mass of node {} is held along axes of its own (*TRANSFORM, CD), which is not taken",
+                   fmt::format("node {}, which belongs to no solid, is held along axes of its own (*TRANSFORM, CD): "
+                               "that is not taken",
                                name(node)));
   for (std::size_t d = 0; d < 3; ++d)
     if (held.by[d] != nullptr) add_prescribed(node, *held.by[d], d);

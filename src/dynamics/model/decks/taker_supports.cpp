@@ -39,15 +39,10 @@ void Taker::holds() {
     if (role(node) == NodeRole::alone) continue;  // see find_roles()
     const DeckPlace& place =
         (*std::find_if(held.by.begin(), held.by.end(), [](const auto* h) { return h != nullptr; }))->place;
-    if (role(node) == NodeRole::rigid_reference) {
+    if (turns(node)) {
       hold_reference(node, held, place);
-    } else if (role(node) == NodeRole::mean_reference) {
-      dynamics::fail(
-          place, fmt::format("node {} is the reference of a distributing coupling, which is no body: hold its nodes "
-                             "by a rigid coupling, or leave it free",
-                             name(node)));
-    } else if (role(node) == NodeRole::mass) {
-      hold_mass(node, held);
+    } else if (role(node) == NodeRole::mass || role(node) == NodeRole::mean_place) {
+      hold_place(node, held);
     } else {
       if (const auto rigid = rigid_nodes_.find(node); rigid != rigid_nodes_.end())
         dynamics::fail(
@@ -184,7 +179,8 @@ void Taker::add_prescribed(Index node, const DeckHold& h, std::size_t d) {
                {"a", m.text("ground")},
                {"b", frame(m, node)},
                {"direction", m.text(std::string(1, "xyz"[d]))},
-               {"motion", m.text(fmt::format("{} + ({})", at(node)[d], motion_of(h)))}}));
+               {"motion", m.text(motion_of(h))},
+               {"from", m.text("initial")}}));
   outputs_.push_back(entry + ".force");
 }
 

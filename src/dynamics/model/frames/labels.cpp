@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <map>
 #include <stdexcept>
 #include <utility>
 
@@ -75,6 +76,16 @@ std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::
     nodes.push_back(found->second);
   }
   return nodes;
+}
+
+std::vector<double> weights_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels,
+                                     const std::vector<double>& weights) {
+  const std::vector<Index> nodes = nodes_labelled(body, labels);
+  std::map<Index, double> sums;
+  for (std::size_t k = 0; k < nodes.size(); ++k) sums[nodes[k]] += weights[k];
+  std::vector<double> out;
+  for (const auto& [node, sum] : sums) out.push_back(sum);
+  return out;
 }
 
 }  // namespace espalier::dynamics::model

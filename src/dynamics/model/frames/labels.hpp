@@ -17,4 +17,9 @@ namespace espalier::dynamics::model {
 /// @throws std::invalid_argument for a label that is not there, with those that are near
 [[nodiscard]] std::vector<Index> nodes_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels);
 
+/// Weights of these nodes, each once, by rising indices. Of a node that is labelled twice they add up.
+/// @param weights  one for each label
+[[nodiscard]] std::vector<double> weights_labelled(const BuiltBody& body, const std::vector<std::int64_t>& labels,
+                                                   const std::vector<double>& weights);
+
 }  // namespace espalier::dynamics::model

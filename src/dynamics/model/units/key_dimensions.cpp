@@ -70,10 +70,10 @@ constexpr KeyRow kKeyRows[] = {
     {kMeshTable, "", "backlash tip_relief", "length"},
 
     {kFramesTable, "", "point near radius", "length"},
-    {kFramesTable, "", "axis x_axis node nodes along most_nodes", "1"},
+    {kFramesTable, "", "axis x_axis node nodes weights along most_nodes", "1"},
     {kFramesTable, "", "rotation", "angle"},
     {kInLineTable, "", "point near radius", "length"},
-    {kInLineTable, "", "axis x_axis node nodes along most_nodes", "1"},
+    {kInLineTable, "", "axis x_axis node nodes weights along most_nodes", "1"},
     {kInLineTable, "", "rotation", "angle"},
     {kHeldTable, "", "near radius", "length"},
     {kHeldTable, "", "symmetry node nodes along", "1"},
