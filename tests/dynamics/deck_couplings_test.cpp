@@ -85,7 +85,7 @@ const std::string kBulk =
 TEST_F(DeckCouplings, Rbe3WithWeights) {
   const Vec3 at(2.7, 0.1, 0.9), force(0.03, -0.02, 0.05), moment(0.02, 0.04, -0.01);
   const Weighed truth{corners_, {{3, 1}, {13, 2.5}, {23, 2.5}, {33, 0.75}}};
-  const std::string rbe3 = "GRID,99,,2.7,.1,.9\nRBE3,90,,99,123456,1.,123,3,2.5\n+,123,13,23,.5,123,33,.25\n+,123,33\n";
+  const std::string rbe3 = "GRID,99,,2.7,.1,.9\nRBE3,90,,99,123456,1.,123,3,2.5\n+,123,13,23,.5,123,33,.25,123\n+,33\n";
   const auto run_nastran = [&](const std::string& bulk) {
     Simulation s;
     Status status = s.load(write("bar.bdf", "SOL 101\nCEND\nSPC=1\nLOAD=2\nBEGIN BULK\n" + kBulk + bulk + "ENDDATA\n"));

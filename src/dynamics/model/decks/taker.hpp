@@ -70,6 +70,8 @@ class Taker {
   std::string spline(int curve);
   /// What a coupling joins, by a joint to the ground.
   void hold_reference(Index node, const Held& held, const DeckPlace& place);
+  /// Of the node, or of the mean that it stands for.
+  [[nodiscard]] Point place_of(Index node) const;
   void add_prescribed(Index node, const DeckHold& h, std::size_t d);
   void masses();
   /// A mass, or a mean place, by displacements.

@@ -171,6 +171,20 @@ void Taker::hold_reference(Index node, const Held& held, const DeckPlace& place)
   outputs_.push_back(entry + ".moment");
 }
 
+Point Taker::place_of(Index node) const {
+  if (role(node) != NodeRole::mean_place) return at(node);
+  const DeckCoupling& c = deck_.couplings[static_cast<std::size_t>(references_.at(node))];
+  Point sum{};
+  double all = 0;
+  for (std::size_t k = 0; k < c.nodes.size(); ++k) {
+    const double weight = c.weights.empty() ? 1 : c.weights[k];
+    all += weight;
+    for (std::size_t d = 0; d < 3; ++d) sum[d] += weight * at(c.nodes[k])[d];
+  }
+  for (double& x : sum) x /= all;
+  return sum;
+}
+
 void Taker::add_prescribed(Index node, const DeckHold& h, std::size_t d) {
   const std::string entry = fresh_name("joint");
   const ValueMaker m = maker(h.place, "joints", entry);
@@ -179,8 +193,7 @@ void Taker::add_prescribed(Index node, const DeckHold& h, std::size_t d) {
                {"a", m.text("ground")},
                {"b", frame(m, node)},
                {"direction", m.text(std::string(1, "xyz"[d]))},
-               {"motion", m.text(motion_of(h))},
-               {"from", m.text("initial")}}));
+               {"motion", m.text(fmt::format("{} + ({})", place_of(node)[d], motion_of(h)))}}));
   outputs_.push_back(entry + ".force");
 }
 
