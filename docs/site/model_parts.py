@@ -28,7 +28,7 @@ PARTS = {
     "bodies": {
         "rigid": ("read read_rigid read_rigid_of_surface read_rigid_motion",
                   "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read read_point", "", "mass"),
-        "solid": (_FLEXIBLE + "read_solid plain_material", "", "mesh"),
+        "solid": (_FLEXIBLE + "read_solid plain_material read_set_materials", "", "mesh"),
         "cable": (_FLEXIBLE + "read_cable read_lines_of_file plain_material", "", ""),
         "beam": (_FLEXIBLE + "read_axis read_beam read_lines_of_file plain_material", "", ""),
         "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file plain_material", "", ""),
@@ -56,7 +56,7 @@ PARTS = {
         "bushing": (f"read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
         "load": ("read_force read_frames read_body_load", "type a force moment factor follower active body element_set acceleration"
                  " force_density angular_velocity point", ""),
-        "line-load": ("read_force read_where read_nodes read_along", "type body node near face nodes along edge radius bore force moment factor follower active", "body"),
+        "line-load": ("read_force read_where read_nodes read_along", "type body element_set node near face nodes along edge radius bore force moment factor follower active", "body"),
         "pressure": ("read_force", "type body face pressure active", "body face pressure"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"
                   " lengths curvatures", "stiffness smoothing lengths curvatures"),
@@ -123,7 +123,7 @@ def type_of(section, kind, key):
     """What Python takes for a key."""
     special = {("forces", "force-motor", "force"): "Number", ("forces", "bushing", "stiffness"): "Vector",
                ("forces", "bushing", "damping"): "Vector"}
-    by_name = {("bodies", "material"): "str | Material", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
+    by_name = {("bodies", "material"): "str | Material", ("bodies", "materials"): "Mapping[str, str | Material]", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
                ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
                ("supports", "motion"): "Displacements", ("supports", "symmetry"): "str | Vector", ("joints", "limits"): "Limits",
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",

@@ -10,7 +10,7 @@ PATHS = {"Rotation": "bodies.*.rotation", "Material": "materials.*", "Mesh": "bo
 TABLES = {
     "Rotation": ("Of axes: {axis, angle} in radians, or {quaternion} = [w, x, y, z].", "rotation", "axis angle quaternion"),
     "Material": ("A material in line.", "read_material", ""),
-    "Mesh": ("A mesh file, or a part that is meshed.", "read_mesh_source read_block read_rod read_link read_crank read_guide read_rotor"
+    "Mesh": ("A mesh file, or a part that is meshed.", "read_mesh_source read_take read_block read_rod read_link read_crank read_guide read_rotor"
              " read_tyre read_gear read_divisions", ""),
     "Damping": ("Of a flexible body.", "read_damping rayleigh_of_ratios", "mass stiffness ratio frequencies loss_factor frequency"),
     "Reduction": ("How a flexible body is reduced.", "read_reduction", ""),

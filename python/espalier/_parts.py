@@ -43,6 +43,8 @@ class Parts:
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
+        materials: table. of element sets: { LINER = "brass", BODY = { young = 210e9, poisson = 0.3, density = 7850 }
+            }. They go before those of the file
 
         type "cable" (gravity, position, rotation, velocity, angular_velocity, damping, reduce, element_set, material
             as above):
@@ -278,7 +280,7 @@ class Parts:
         angular_velocity: list of three numbers [angle/time], default [0, 0, 0]
         point: list of three numbers [length], default [0, 0, 0]
 
-        type "line-load" (factor, follower, active as above):
+        type "line-load" (element_set, factor, follower, active as above):
         body: text, needed
         node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
             counted from 1, -1 the last
@@ -287,7 +289,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -341,7 +344,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -349,6 +353,7 @@ class Parts:
             (mesh coordinates), for meshes without face sets
         hold: list of texts. "all": a clamp, with the directors of shells and the slopes of cables; or directions:
             "x", "yz", ["x", "z"]
+        rotations: list of texts. of nodes of shells and beams: axes about which they do not turn, "x", "yz"
         symmetry: one of x, y, z. normal of a plane of symmetry, "x" or [1, 1, 0]: nodes stay in the plane, directors
             and slopes stay mirrored
         rotation: rotation [angle]. of the directions x, y, z, which are global ones, as of a body
@@ -381,7 +386,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -511,7 +517,8 @@ class Parts:
             list of labels as of node: [31, 90]. The frame is at their mean
         weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]

@@ -56,11 +56,12 @@ class Mesh(TypedDict, total=False):
     """A mesh file, or a part that is meshed.
     file: text
     scale: number > 0, default 1
-    take: list of texts
-    step: whole number, default 0
     part: one of block, connecting-rod, chain-link, crank, guide, bladed-rotor, spur-gear, tyre
     unknowns: number > 0
     element: one of hex8, hex20, default hex8
+    take: list of texts
+    step: whole number, default 0
+    of: text
     lx: number > 0 [length], default 1
     ly: number > 0 [length], default 1
     lz: number > 0 [length], default 1
@@ -115,11 +116,12 @@ class Mesh(TypedDict, total=False):
 
     file: str | PathLike[str]
     scale: Number
-    take: Texts
-    step: Whole
     part: Literal["block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear", "tyre"]
     unknowns: Number
     element: Literal["hex8", "hex20"]
+    take: Texts
+    step: Whole
+    of: str
     lx: Number
     ly: Number
     lz: Number
@@ -275,7 +277,8 @@ Frame = TypedDict("Frame", {"same_as": str, "name": str, "body": str, "global": 
         labels as of node: [31, 90]. The frame is at their mean
     weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
     along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0 at
-        the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+        the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in loads per
+        length all that lies between
     edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
         (where s or t is 0 or 1), or ["x0", "y1"], a corner
     radius: number > 0 [length]
@@ -558,7 +561,8 @@ class Parts:
         self, name: str, /, type: Literal["solid"], *, mesh: Mesh, gravity: Vector = ..., position: Vector = ...,
         rotation: Vector | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping =
         ..., reduce: Reduction = ..., element_set: str = ..., hex8: Literal["full", "mean-dilatation", "enhanced",
-        "shell"] = ..., reduced_hex20: bool = ..., material: str | Material = ...
+        "shell"] = ..., reduced_hex20: bool = ..., material: str | Material = ..., materials: Mapping[str, str |
+        Material] = ...
     ) -> str:
         """Adds [bodies.NAME], type "solid", and returns the name.
 
@@ -577,6 +581,8 @@ class Parts:
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
+        materials: table. of element sets: { LINER = "brass", BODY = { young = 210e9, poisson = 0.3, density = 7850 }
+            }. They go before those of the file
         """
     @overload
     def body(
@@ -1544,14 +1550,15 @@ class Parts:
         """
     @overload
     def force(
-        self, name: str, /, type: Literal["line-load"], *, body: str, node: Whole = ..., near: Vector = ..., face: str
-        = ..., nodes: str | Items[Whole] = ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore:
-        Bore = ..., force: Vector = ..., moment: Vector = ..., factor: Number = ..., follower: bool = ..., active:
-        bool = ...
+        self, name: str, /, type: Literal["line-load"], *, body: str, element_set: str = ..., node: Whole = ..., near:
+        Vector = ..., face: str = ..., nodes: str | Items[Whole] = ..., along: Numbers = ..., edge: Texts = ...,
+        radius: Number = ..., bore: Bore = ..., force: Vector = ..., moment: Vector = ..., factor: Number = ...,
+        follower: bool = ..., active: bool = ...
     ) -> str:
         """Adds [forces.NAME], type "line-load", and returns the name.
 
         body: text, needed
+        element_set: text
         node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
             counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
@@ -1559,7 +1566,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1670,7 +1678,8 @@ class Parts:
     def support(
         self, name: str, /, *, body: str, node: Whole = ..., near: Vector = ..., face: str = ..., nodes: str |
         Items[Whole] = ..., along: Numbers = ..., edge: Texts = ..., radius: Number = ..., bore: Bore = ..., hold:
-        Texts = ..., symmetry: str | Vector = ..., rotation: Vector | Rotation = ..., motion: Displacements = ...
+        Texts = ..., rotations: Texts = ..., symmetry: str | Vector = ..., rotation: Vector | Rotation = ..., motion:
+        Displacements = ...
     ) -> str:
         """Adds [supports.NAME], and returns the name.
 
@@ -1682,7 +1691,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1690,6 +1700,7 @@ class Parts:
             (mesh coordinates), for meshes without face sets
         hold: list of texts. "all": a clamp, with the directors of shells and the slopes of cables; or directions:
             "x", "yz", ["x", "z"]
+        rotations: list of texts. of nodes of shells and beams: axes about which they do not turn, "x", "yz"
         symmetry: one of x, y, z. normal of a plane of symmetry, "x" or [1, 1, 0]: nodes stay in the plane, directors
             and slopes stay mirrored
         rotation: rotation [angle]. of the directions x, y, z, which are global ones, as of a body
@@ -1723,7 +1734,8 @@ class Parts:
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]
@@ -1941,7 +1953,8 @@ class Parts:
             list of labels as of node: [31, 90]. The frame is at their mean
         weights: list of numbers. of nodes as a list of labels: how much each of them counts in the mean, [1, 2.5]
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
-            at the start, 1 at the end; in supports, ties and loads per length also those between two, [0.2, 0.5]
+            at the start, 1 at the end; two shares, [0.2, 0.5], are in supports and ties the nodes between them, in
+            loads per length all that lies between
         edge: list of texts. solids: the nodes that faces have in common, ["x0", "z1"]; shells: "x0", "x1", "y0", "y1"
             (where s or t is 0 or 1), or ["x0", "y1"], a corner
         radius: number > 0 [length]

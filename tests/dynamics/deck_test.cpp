@@ -146,7 +146,8 @@ TEST_F(Decks, WhatIsRefused) {
   refused(held + "*STEP\n*MODAL DYNAMIC\n0.1, 1.\n", {"*MODALDYNAMIC (1)", "take = ["});
   refused(held + kStatic + "*DLOAD\nBAR, ROTA, 1., 0,0,0, 0,0,1.\n", {"*DLOAD ROTA", "\"boundary\", \"cload\""});
   refused(held + "*CONTACT PAIR, INTERACTION=I\nA, B\n" + kStatic, {"*CONTACTPAIR"});
-  refused(held + "*NODE\n8,5,5,5\n9,6,6,6\n*ELEMENT, TYPE=T3D2, ELSET=T\n7,8,9\n" + kStatic, {"elements T3D2"});
+  refused(held + "*NODE\n8,5,5,5\n9,6,6,6\n*ELEMENT, TYPE=T3D2, ELSET=T\n7,8,9\n" + kStatic,
+          {"element 7 (a line2) has no section"});
   refused(held + kStatic + "*CLOAD\nNOWHERE, 1, 1.\n", {"bar.inp:32: *CLOAD: node set NOWHERE is not defined"});
   refused(held + kStatic + "*CLOAD\n77, 1, 1.\n", {"bar.inp:32: *CLOAD: node 77 is not defined"});
   refused(held + kStatic + "*CLOAD\n3, 8, 1.\n", {"degree of freedom 8"});
@@ -267,7 +268,7 @@ TEST_F(Decks, Nastran) {
   EXPECT_NE(overlap.message.find("belongs to this rigid coupling and to that of line"), std::string::npos)
       << overlap.message;
   const auto [beam, b] = run_nastran(control, "CBAR,5,5,1,2,0.,0.,1.\nPLOAD4,2,1,-4.,,,,2,7\n");
-  EXPECT_NE(beam.message.find("CBAR (1)"), std::string::npos) << beam.message;
+  EXPECT_NE(beam.message.find("element 5 (a line2) has no section"), std::string::npos) << beam.message;
 }
 
 }  // namespace

@@ -44,16 +44,19 @@ inline Vector regular_element(ElementType type) {
   static const double tet[4][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   static const double hex[8][3] = {{0, 0, 0}, {1, 0, 0}, {1, 1, 0}, {0, 1, 0},
                                    {0, 0, 1}, {1, 0, 1}, {1, 1, 1}, {0, 1, 1}};
+  static const double wedge[6][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 0, 1}, {0, 1, 1}};
+  static const int wedge_edge[9][2] = {{0, 1}, {1, 2}, {2, 0}, {3, 4}, {4, 5}, {5, 3}, {0, 3}, {1, 4}, {2, 5}};
   static const int tet_edge[6][2] = {{0, 1}, {1, 2}, {2, 0}, {0, 3}, {1, 3}, {2, 3}};
   static const int hex_edge[12][2] = {{0, 1}, {1, 2}, {2, 3}, {3, 0}, {4, 5}, {5, 6},
                                       {6, 7}, {7, 4}, {0, 4}, {1, 5}, {2, 6}, {3, 7}};
   const auto& shape = shape_of(type);
-  const bool is_tet = shape.corners == 4;
+  const double(*corners)[3] = shape.corners == 4 ? tet : shape.corners == 6 ? wedge : hex;
+  const int(*edges)[2] = shape.corners == 4 ? tet_edge : shape.corners == 6 ? wedge_edge : hex_edge;
   Vector x(3 * shape.nodes);
   for (int a = 0; a < shape.corners; ++a)
-    for (int i = 0; i < 3; ++i) x[3 * a + i] = is_tet ? tet[a][i] : hex[a][i];
+    for (int i = 0; i < 3; ++i) x[3 * a + i] = corners[a][i];
   for (int a = shape.corners; a < shape.nodes; ++a) {
-    const int* edge = is_tet ? tet_edge[a - shape.corners] : hex_edge[a - shape.corners];
+    const int* edge = edges[a - shape.corners];
     for (int i = 0; i < 3; ++i) x[3 * a + i] = 0.5 * (x[3 * edge[0] + i] + x[3 * edge[1] + i]);
   }
   return x;

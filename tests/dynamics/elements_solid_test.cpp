@@ -22,7 +22,8 @@ std::vector<Case> all_cases() {
   std::vector<Case> cases;
   for (const SolidLaw law : {SolidLaw::st_venant_kirchhoff, SolidLaw::neo_hookean}) {
     const std::string suffix = law == SolidLaw::neo_hookean ? "_neo" : "_svk";
-    for (const ElementType type : {ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20})
+    for (const ElementType type : {ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20,
+                                   ElementType::wedge6, ElementType::wedge15})
       cases.push_back({std::string(shape_of(type).name) + suffix, type, law});
     cases.push_back({"hex20reduced" + suffix, ElementType::hex20, law, Rule::reduced});
     const std::pair<const char*, Hex8Formulation> forms[] = {{"full", Hex8Formulation::full},
@@ -47,7 +48,10 @@ class Solid : public testing::TestWithParam<Case> {
   }
   [[nodiscard]] Vector distorted(double size = 0.1) const {
     const Vector x = regular_element(GetParam().type);
-    return x + noise(x.size(), GetParam().type == ElementType::tet10 ? 0.3 * size : size, 7);
+    return x +
+           noise(x.size(),
+                 GetParam().type == ElementType::tet10 || GetParam().type == ElementType::wedge15 ? 0.3 * size : size,
+                 7);
   }
 };
 
@@ -92,7 +96,7 @@ TEST_P(Solid, SixRigidModes) {
 
 // Truth: a linear displacement gives a constant strain, whose energy is known.
 TEST_P(Solid, ConstantStrainEnergy) {
-  const bool reduced_exactness = GetParam().type == ElementType::hex20 || GetParam().type == ElementType::tet10;
+  const bool reduced_exactness = shape_of(GetParam().type).nodes > shape_of(GetParam().type).corners;
   const Vector x0 = reduced_exactness ? regular_element(GetParam().type) : distorted();
   Eigen::Matrix3d g;
   g << 0.02, 0.01, -0.03, 0.015, -0.01, 0.02, 0.03, -0.02, 0.025;
@@ -122,6 +126,7 @@ TEST_P(Shapes, ReproduceLinearFieldsAndNodes) {
   Vector nodes = regular_element(type);
   const bool hex = shape_of(type).corners == 8;
   if (hex) nodes = (2 * nodes.array() - 1).matrix();
+  for (Eigen::Index a = 2; a < nodes.size() && shape_of(type).corners == 6; a += 3) nodes[a] = 2 * nodes[a] - 1;
   for (int b = 0; b < n; ++b) {
     double values[kMaxElementNodes];
     shape_values(type, nodes.data() + 3 * b, values);
@@ -145,22 +150,25 @@ TEST_P(Shapes, ReproduceLinearFieldsAndNodes) {
   }
 }
 
-// Truth: integral of x^i y^j z^k over the simplex is i! j! k! / (i + j + k + 3)!, over the cube 2 / (i + 1) for even i.
+// Truth: integral of x^i y^j z^k over the simplex is i! j! k! / (i + j + k + 3)!, over the cube 2 / (i + 1) for even i,
+// over the wedge that of a triangle, i! j! / (i + j + 2)!, times that of a line.
 TEST_P(Shapes, QuadratureIsExactToItsDegree) {
   const ElementType type = GetParam();
-  const bool hex = shape_of(type).corners == 8;
+  const bool hex = shape_of(type).corners == 8, wedge = shape_of(type).corners == 6;
   const auto exact = [&](int i, int j, int k) {
+    if (wedge) return std::tgamma(i + 1) * std::tgamma(j + 1) / std::tgamma(i + j + 3) * (k % 2 ? 0.0 : 2.0 / (k + 1));
     if (hex) return (i % 2 ? 0.0 : 2.0 / (i + 1)) * (j % 2 ? 0.0 : 2.0 / (j + 1)) * (k % 2 ? 0.0 : 2.0 / (k + 1));
     return std::tgamma(i + 1) * std::tgamma(j + 1) * std::tgamma(k + 1) / std::tgamma(i + j + k + 4);
   };
-  const int mass_degree = type == ElementType::tet4    ? 2
-                          : type == ElementType::tet10 ? 5
-                          : type == ElementType::hex8  ? 3
-                                                       : 5;
+  const int mass_degree = type == ElementType::tet4     ? 2
+                          : type == ElementType::tet10  ? 5
+                          : type == ElementType::hex8   ? 3
+                          : type == ElementType::wedge6 ? 2
+                                                        : 5;
   for (int i = 0; i <= mass_degree; ++i)
     for (int j = 0; j <= mass_degree; ++j)
       for (int k = 0; k <= mass_degree; ++k) {
-        if (!hex && i + j + k > mass_degree) continue;
+        if (!hex && i + j + (wedge ? 0 : k) > mass_degree) continue;
         double sum = 0;
         for (const auto& p : quadrature(type, Rule::mass))
           sum += p.weight * std::pow(p.xi[0], i) * std::pow(p.xi[1], j) * std::pow(p.xi[2], k);
@@ -174,7 +182,8 @@ TEST_P(Shapes, MassSums) {
   const int n = shape_of(type).nodes;
   Vector x = regular_element(type);
   x = rotated(Eigen::Vector3d(2, 3, 0.5).asDiagonal(), x);  // a box or tetrahedron of known volume
-  const double volume = 3.0 * (shape_of(type).corners == 8 ? 1 : 1.0 / 6);
+  const int corners = shape_of(type).corners;
+  const double volume = 3.0 * (corners == 8 ? 1 : corners == 6 ? 0.5 : 1.0 / 6);
   Matrix m(n, n);
   solid_mass(type, 7, x.data(), m.data());
   EXPECT_NEAR(m.sum(), 7 * volume, 100 * kEps * 7 * volume);
@@ -197,7 +206,8 @@ TEST_P(Shapes, InvertedElementIsReported) {
 }
 
 INSTANTIATE_TEST_SUITE_P(All, Shapes,
-                         testing::Values(ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20),
+                         testing::Values(ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20,
+                                         ElementType::wedge6, ElementType::wedge15),
                          [](const auto& p) { return std::string(shape_of(p.param).name); });
 
 }  // namespace

@@ -65,7 +65,8 @@ double lane_difference(const std::vector<double>& values, std::size_t lane, std:
   return worst / truth.cwiseAbs().maxCoeff();
 }
 
-constexpr ElementType kTypes[] = {ElementType::tet4, ElementType::tet10, ElementType::hex8, ElementType::hex20};
+constexpr ElementType kTypes[] = {ElementType::tet4,  ElementType::tet10,  ElementType::hex8,
+                                  ElementType::hex20, ElementType::wedge6, ElementType::wedge15};
 
 class SolidBlock : public testing::TestWithParam<std::tuple<bool, SolidLaw>> {
  protected:

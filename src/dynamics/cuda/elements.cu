@@ -130,6 +130,10 @@ auto with_sizes(ElementType type, const Use& use) {
       return use(std::integral_constant<int, 8>(), std::integral_constant<int, 8>());
     case ElementType::hex20:
       return use(std::integral_constant<int, 20>(), std::integral_constant<int, 27>());
+    case ElementType::wedge6:
+      return use(std::integral_constant<int, 6>(), std::integral_constant<int, 6>());
+    case ElementType::wedge15:
+      return use(std::integral_constant<int, 15>(), std::integral_constant<int, 21>());
     default:
       throw std::invalid_argument("launch_elements: a type that is no simulated solid");
   }

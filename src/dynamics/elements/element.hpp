@@ -51,8 +51,8 @@ struct BlockOutput {
 };
 
 /// Where an element says what is in it, for outputs: nowhere, in the middle, at the four points of a tetrahedron of
-/// second order, at the 2 x 2 x 2 Gauss points of a hexahedron, or at -1, 0, 1 along a line.
-enum class SamplePoints { none, centre, tetrahedron, hexahedron, line };
+/// second order, at the 2 x 2 x 2 Gauss points of a hexahedron, the 3 x 2 of a wedge, or at -1, 0, 1 along a line.
+enum class SamplePoints { none, centre, tetrahedron, hexahedron, wedge, line };
 
 /// What is there. Solids and shells: strains of Green and Lagrange in the order 11 22 33 12 23 13, shear twice, as the
 /// element assumes them. Beams: N Qy Qz T My Mz. Cables: N and the moment in global axes. All without viscous stress.

@@ -102,14 +102,54 @@ void brick(const double* xi, bool quadratic, double* n, double* dn) {
   }
 }
 
+/// Triangle times line, nodes on edges alone: L_i (1 -+ t) / 2, and of second order 1/2 L_i ((2 L_i - 1) (1 -+ t) -
+/// (1 - t^2)) at corners, 2 L_i L_j (1 -+ t) and L_i (1 - t^2) between them. t is the third coordinate.
+/// Source: Zienkiewicz and Taylor, The Finite Element Method I, 5th ed., section 8.12.
+void wedge(const double* xi, bool quadratic, double* n, double* dn) {
+  const Simplex<2> s(xi);
+  const double t = xi[2], bubble = 1 - t * t;
+  const int nodes = quadratic ? 15 : 6;
+  // A node's function from f(L_i, L_j), its slopes along both, and g(t) with its slope: f g.
+  const auto put = [&](int a, double value, const double(&by_xi)[2], double by_t) {
+    if (n != nullptr) n[a] = value;
+    if (dn == nullptr) return;
+    dn[a] = by_xi[0];
+    dn[nodes + a] = by_xi[1];
+    dn[2 * nodes + a] = by_t;
+  };
+  for (int i = 0; i < 3; ++i) {
+    const double l = s.l[i];
+    const int j = (i + 1) % 3;
+    for (const int side : {-1, 1}) {
+      const double up = 0.5 * (1 + side * t), slope = 0.5 * side;
+      const int corner = side < 0 ? i : 3 + i;
+      if (!quadratic) {
+        put(corner, l * up, {s.g[i][0] * up, s.g[i][1] * up}, l * slope);
+        continue;
+      }
+      const double by_l = (4 * l - 1) * up - 0.5 * bubble;
+      put(corner, l * ((2 * l - 1) * up - 0.5 * bubble), {s.g[i][0] * by_l, s.g[i][1] * by_l},
+          l * ((2 * l - 1) * slope + t));
+      double edge[2];
+      for (int d = 0; d < 2; ++d) edge[d] = 4 * up * (s.g[i][d] * s.l[j] + l * s.g[j][d]);
+      put((side < 0 ? 6 : 9) + i, 4 * l * s.l[j] * up, edge, 4 * l * s.l[j] * slope);
+    }
+    if (quadratic) put(12 + i, l * bubble, {s.g[i][0] * bubble, s.g[i][1] * bubble}, -2 * l * t);
+  }
+}
+
 using Points = std::vector<QuadraturePoint>;
 
-Points gauss_product(int per_direction, int dimension) {
+/// Places and weights of Gauss' rules on [-1, 1].
+std::vector<std::array<double, 2>> gauss_line(int points) {
   static const double two = 0.57735026918962576451;    // 1 / sqrt(3)
   static const double three = 0.77459666924148337704;  // sqrt(3 / 5)
-  const std::vector<std::array<double, 2>> line =
-      per_direction == 2 ? std::vector<std::array<double, 2>>{{-two, 1}, {two, 1}}
-                         : std::vector<std::array<double, 2>>{{-three, 5.0 / 9}, {0, 8.0 / 9}, {three, 5.0 / 9}};
+  if (points == 2) return {{-two, 1}, {two, 1}};
+  return {{-three, 5.0 / 9}, {0, 8.0 / 9}, {three, 5.0 / 9}};
+}
+
+Points gauss_product(int per_direction, int dimension) {
+  const std::vector<std::array<double, 2>> line = gauss_line(per_direction);
   Points points;
   const std::vector<std::array<double, 2>> once = {{0, 1}};
   for (const auto& c : dimension == 3 ? line : once)
@@ -158,6 +198,14 @@ Points triangle(bool quadratic) {
   return points;
 }
 
+/// A rule of the triangle at each point of Gauss' rule of the line.
+Points wedge_product(const Points& triangle, int along) {
+  Points points;
+  for (const auto& [t, weight] : gauss_line(along))
+    for (const QuadraturePoint& p : triangle) points.push_back({{p.xi[0], p.xi[1], t}, weight * p.weight});
+  return points;
+}
+
 [[noreturn]] void unknown(const char* function, ElementType type) {
   throw std::invalid_argument(fmt::format("{}: no rule or function for {}", function, shape_of(type).name));
 }
@@ -167,7 +215,13 @@ Points triangle(bool quadratic) {
 std::span<const QuadraturePoint> quadrature(ElementType type, Rule rule) {
   static const Points tet1 = tetrahedron(1), tet4 = tetrahedron(4), tet14 = tetrahedron(14);
   static const Points hex8 = gauss_product(2, 3), hex27 = gauss_product(3, 3);
+  static const Points wedge6 = wedge_product(triangle(false), 2), wedge9 = wedge_product(triangle(false), 3),
+                      wedge21 = wedge_product(triangle(true), 3);
   switch (type) {
+    case ElementType::wedge6:
+      return wedge6;
+    case ElementType::wedge15:
+      return rule == Rule::mass ? wedge21 : wedge9;
     case ElementType::tet4:
       return rule == Rule::mass ? tet4 : tet1;
     case ElementType::tet10:
@@ -212,6 +266,10 @@ void shape_values(ElementType type, const double* xi, double* n) {
       return brick<3>(xi, false, n, nullptr);
     case ElementType::hex20:
       return brick<3>(xi, true, n, nullptr);
+    case ElementType::wedge6:
+      return wedge(xi, false, n, nullptr);
+    case ElementType::wedge15:
+      return wedge(xi, true, n, nullptr);
     case ElementType::quad4:
       return brick<2>(xi, false, n, nullptr);
     case ElementType::quad8:
@@ -235,6 +293,10 @@ void shape_gradients(ElementType type, const double* xi, double* dn) {
       return brick<3>(xi, false, nullptr, dn);
     case ElementType::hex20:
       return brick<3>(xi, true, nullptr, dn);
+    case ElementType::wedge6:
+      return wedge(xi, false, nullptr, dn);
+    case ElementType::wedge15:
+      return wedge(xi, true, nullptr, dn);
     case ElementType::quad4:
       return brick<2>(xi, false, nullptr, dn);
     case ElementType::quad8:

@@ -10,26 +10,26 @@
 namespace espalier::dynamics {
 
 /// One integration point: reference coordinates (tetrahedra: volume coordinates of nodes 1, 2, 3, each in [0, 1];
-/// hexahedra: each in [-1, 1]; triangles and quadrilaterals alike with two coordinates) and weight. The weights of a
-/// rule add up to the volume (area) of the reference shape.
+/// hexahedra: each in [-1, 1]; triangles and quadrilaterals alike with two coordinates; wedges: two of a triangle and
+/// one in [-1, 1]) and weight. The weights of a rule add up to the volume (area) of the reference shape.
 struct QuadraturePoint {
   std::array<double, 3> xi;
   double weight;
 };
 
-/// Which rule: `stiffness` is the usual full rule of the element (tet4 1, tet10 4, hex8 8, hex20 27 points), `reduced`
-/// is 2 x 2 x 2 for hex20 (the others: as stiffness), `mass` integrates products of two shape functions exactly on
-/// elements with constant Jacobian.
+/// Which rule: `stiffness` is the usual full rule of the element (tet4 1, tet10 4, hex8 8, hex20 27, wedge6 6, wedge15
+/// 9 points), `reduced` is 2 x 2 x 2 for hex20 (the others: as stiffness), `mass` integrates products of two shape
+/// functions exactly on elements with constant Jacobian.
 enum class Rule { stiffness, reduced, mass };
 
 /// The rule of a simulated solid. @throws std::invalid_argument for any other shape
 /// Sources: tetrahedra: 1 and 4 points (Hammer, Marlowe, Stroud 1956), 14 points of degree 5 (Walkington 2000, also
-/// Grundmann and Moeller's class); hexahedra: products of Gauss rules.
+/// Grundmann and Moeller's class); hexahedra: products of Gauss rules; wedges: those of triangles and lines.
 std::span<const QuadraturePoint> quadrature(ElementType type, Rule rule);
 /// The rule of a face (tri3, tri6, quad4, quad8): exact for pressure on faces with straight edges.
 std::span<const QuadraturePoint> face_quadrature(ElementType type);
 
-/// Values N[nodes] at a point of any solid, surface or line shape of ElementType except wedges and pyramids.
+/// Values N[nodes] at a point of any solid, surface or line shape of ElementType except pyramids.
 void shape_values(ElementType type, const double* xi, double* values);
 /// Derivatives along the reference coordinates: dn[d * nodes + a] = dN_a / dxi_d, d < dimension.
 void shape_gradients(ElementType type, const double* xi, double* dn);

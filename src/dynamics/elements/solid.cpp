@@ -164,6 +164,15 @@ ESPALIER_CLONES bool evaluate_hex20(const ShapeTable<20, 27>& t, const Material&
   return evaluate<20>(t, m, in, out);
 }
 
+ESPALIER_CLONES bool evaluate_wedge6(const ShapeTable<6, 6>& t, const Material& m, const ElementInput& in,
+                                     ElementOutput& out) {
+  return evaluate<6>(t, m, in, out);
+}
+ESPALIER_CLONES bool evaluate_wedge15(const ShapeTable<15, 21>& t, const Material& m, const ElementInput& in,
+                                      ElementOutput& out) {
+  return evaluate<15>(t, m, in, out);
+}
+
 /// The shape functions at some points, for loops over elements before the first step.
 struct SampledShape {
   int nodes;
@@ -207,17 +216,22 @@ struct SampledSolid {
     static constexpr QuadraturePoint kTet[] = {{{0, 0, 0}, 0}, {{1, 0, 0}, 0}, {{0, 1, 0}, 0}, {{0, 0, 1}, 0}};
     static constexpr QuadraturePoint kHex[] = {{{-1, -1, -1}, 0}, {{1, -1, -1}, 0}, {{1, 1, -1}, 0}, {{-1, 1, -1}, 0},
                                                {{-1, -1, 1}, 0},  {{1, -1, 1}, 0},  {{1, 1, 1}, 0},  {{-1, 1, 1}, 0}};
+    static constexpr QuadraturePoint kWedge[] = {{{0, 0, -1}, 0}, {{1, 0, -1}, 0}, {{0, 1, -1}, 0},
+                                                 {{0, 0, 1}, 0},  {{1, 0, 1}, 0},  {{0, 1, 1}, 0}};
+    if (shape_of(type).corners == 6) return kWedge;
     return shape_of(type).corners == 4 ? std::span<const QuadraturePoint>(kTet) : kHex;
   }
 };
 
 const SampledSolid& sampled(ElementType type) {
   static const SampledSolid tet4(ElementType::tet4), tet10(ElementType::tet10), hex8(ElementType::hex8),
-      hex20(ElementType::hex20);
-  return type == ElementType::tet4    ? tet4
-         : type == ElementType::tet10 ? tet10
-         : type == ElementType::hex8  ? hex8
-                                      : hex20;
+      hex20(ElementType::hex20), wedge6(ElementType::wedge6), wedge15(ElementType::wedge15);
+  return type == ElementType::tet4      ? tet4
+         : type == ElementType::tet10   ? tet10
+         : type == ElementType::hex8    ? hex8
+         : type == ElementType::wedge6  ? wedge6
+         : type == ElementType::wedge15 ? wedge15
+                                        : hex20;
 }
 
 }  // namespace
@@ -232,6 +246,10 @@ bool evaluate_solid(ElementType type, Rule rule, const Material& material, const
       return evaluate_hex8(solid_table<8, 8>(type, rule), material, in, out);
     case ElementType::hex20:
       return evaluate_hex20(solid_table<20, 27>(type, rule), material, in, out);
+    case ElementType::wedge6:
+      return evaluate_wedge6(solid_table<6, 6>(type, rule), material, in, out);
+    case ElementType::wedge15:
+      return evaluate_wedge15(solid_table<15, 21>(type, rule), material, in, out);
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid: {} is not a simulated solid", shape_of(type).name));
   }
@@ -239,13 +257,17 @@ bool evaluate_solid(ElementType type, Rule rule, const Material& material, const
 
 SamplePoints solid_samples(ElementType type) {
   if (type == ElementType::tet4) return SamplePoints::centre;
+  if (shape_of(type).corners == 6) return SamplePoints::wedge;
   return type == ElementType::tet10 ? SamplePoints::tetrahedron : SamplePoints::hexahedron;
 }
 
 bool sample_solid(ElementType type, const double* reference, const double* position, ElementSamples& out) {
   constexpr int kPairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {0, 2}};
-  const bool hexahedron = solid_samples(type) == SamplePoints::hexahedron;
-  const auto points = quadrature(hexahedron ? ElementType::hex8 : type, Rule::stiffness);
+  const SamplePoints where = solid_samples(type);
+  const auto points = quadrature(where == SamplePoints::hexahedron ? ElementType::hex8
+                                 : where == SamplePoints::wedge    ? ElementType::wedge6
+                                                                   : type,
+                                 Rule::stiffness);
   const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
   for (std::size_t q = 0; q < points.size(); ++q) {
     double dn[3 * kMaxElementNodes];

@@ -1,5 +1,5 @@
 /// \file
-/// Displacement-based solids (tet4, tet10, hex8, hex20), total Lagrangian.
+/// Displacement-based solids (tet4, tet10, hex8, hex20, wedge6, wedge15), total Lagrangian.
 ///
 /// Internal force and its exact tangent at finite displacements; see PointResponse for the algebra. The locking-free
 /// hex8 is in hex8_strain.hpp.

@@ -152,6 +152,11 @@ ESPALIER_ANYWHERE unsigned evaluate_solid_block(const SolidConstants& law, const
 
 template <class T>
 SolidKernels solid_kernels() {
-  return {T::kWidth, &evaluate_solid_block<T, 4, 4>, &evaluate_solid_block<T, 10, 14>, &evaluate_solid_block<T, 8, 8>,
-          &evaluate_solid_block<T, 20, 27>};
+  return {T::kWidth,
+          &evaluate_solid_block<T, 4, 4>,
+          &evaluate_solid_block<T, 10, 14>,
+          &evaluate_solid_block<T, 8, 8>,
+          &evaluate_solid_block<T, 20, 27>,
+          &evaluate_solid_block<T, 6, 6>,
+          &evaluate_solid_block<T, 15, 21>};
 }

@@ -67,6 +67,10 @@ unsigned evaluate_solid_block(const SolidKernels& kernels, ElementType type, Rul
       return kernels.hex8(law, solid_table<8, 8>(type, rule), in, out);
     case ElementType::hex20:
       return kernels.hex20(law, solid_table<20, 27>(type, rule), in, out);
+    case ElementType::wedge6:
+      return kernels.wedge6(law, solid_table<6, 6>(type, rule), in, out);
+    case ElementType::wedge15:
+      return kernels.wedge15(law, solid_table<15, 21>(type, rule), in, out);
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid_block: {} is no simulated solid", shape_of(type).name));
   }

@@ -28,6 +28,8 @@ struct SolidKernels {
   SolidKernel<10, 14> tet10 = nullptr;
   SolidKernel<8, 8> hex8 = nullptr;
   SolidKernel<20, 27> hex20 = nullptr;
+  SolidKernel<6, 6> wedge6 = nullptr;
+  SolidKernel<15, 21> wedge15 = nullptr;
 };
 /// One element at a time.
 [[nodiscard]] SolidKernels scalar_solid_kernels();

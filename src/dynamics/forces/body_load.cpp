@@ -40,6 +40,22 @@ class LoadedMaterial final : public PressedFaces {
     note_vertices(loaded, constant, mass);
   }
 
+  /// The same of all elements, whatever they are. Places of the material are linear in all vertices of a node, but the
+  /// point and the acceleration count for those alone that are places themselves.
+  LoadedMaterial(const FlexibleBody& body, const BodyLoadLaw& law)
+      : body_(body),
+        point_(law.point),
+        of_spin_(law.spin.squaredNorm() * Mat3::Identity() - law.spin * law.spin.transpose()) {
+    const VertexPattern& pattern = body.assembly().pattern();
+    std::vector<double> constant(3 * at(body.vertices()), 0.0);
+    const std::span<const double> mass = body.mass();
+    for (Index b = 0; b < body.vertices(); ++b)
+      for (auto e = at(pattern.ptr[at(b)]); e < at(pattern.ptr[at(b) + 1]); ++e)
+        for (std::size_t i = 0; is_place(b) && i < 3; ++i)
+          constant[3 * at(pattern.ind[e]) + i] += mass[e] * law.acceleration[static_cast<Eigen::Index>(i)];
+    note_vertices(std::vector<char>(at(body.vertices()), 1), constant, mass);
+  }
+
   [[nodiscard]] const char* value_name() const override { return "factor"; }
   /// Pairs of vertices that the body has, too; without a spin only which coordinates the load acts on.
   void declare(PatternBuilder& w) const override {
@@ -59,7 +75,8 @@ class LoadedMaterial final : public PressedFaces {
     for (std::size_t i = 0; i < result.size(); ++i) result[i] = -constant_[i];
     for (const Pair& pair : pairs_) {
       const Eigen::Map<const Vec3> x(&q[at(places_[pair.column])]);
-      Eigen::Map<Vec3>(&result[3 * pair.row]) -= pair.mass * (of_spin_ * (x - point_));
+      const Vec3 arm = pair.of_place ? Vec3(x - point_) : Vec3(x);
+      Eigen::Map<Vec3>(&result[3 * pair.row]) -= pair.mass * (of_spin_ * arm);
     }
     return result;
   }
@@ -75,11 +92,13 @@ class LoadedMaterial final : public PressedFaces {
   struct Pair {
     std::size_t row, column;  ///< of the vertices that are loaded
     double mass;
+    bool of_place;  ///< the column's vertex is a place, not a director or slope
   };
+  [[nodiscard]] bool is_place(Index vertex) const { return vertex % body_.vertices_per_node() == 0; }
   [[nodiscard]] bool spins() const { return !of_spin_.isZero(0); }
 
   void note_vertices(const std::vector<char>& loaded, const std::vector<double>& constant,
-                     const std::vector<double>& mass) {
+                     std::span<const double> mass) {
     std::vector<std::size_t> own(loaded.size());
     for (std::size_t v = 0; v < loaded.size(); ++v) {
       if (loaded[v] == 0) continue;
@@ -91,7 +110,7 @@ class LoadedMaterial final : public PressedFaces {
     const VertexPattern& pattern = body_.assembly().pattern();
     for (std::size_t b = 0; spins() && b < loaded.size(); ++b)
       for (auto e = at(pattern.ptr[b]); e < at(pattern.ptr[b + 1]); ++e)
-        if (mass[e] != 0) pairs_.push_back({own[at(pattern.ind[e])], own[b], mass[e]});
+        if (mass[e] != 0) pairs_.push_back({own[at(pattern.ind[e])], own[b], mass[e], is_place(static_cast<Index>(b))});
   }
 
   const FlexibleBody& body_;
@@ -115,6 +134,10 @@ std::unique_ptr<PressedFaces> load_material(const FlexibleBody& body, const Mesh
   }
   std::erase_if(solids, [&](Index e) { return !is_simulated_solid(mesh.type(e)); });
   return std::make_unique<LoadedMaterial>(body, mesh, solids, materials, law);
+}
+
+std::unique_ptr<PressedFaces> load_mass(const FlexibleBody& body, const BodyLoadLaw& law) {
+  return std::make_unique<LoadedMaterial>(body, law);
 }
 
 }  // namespace espalier::dynamics

@@ -1,5 +1,5 @@
 /// \file
-/// Loads on the material of a solid: weight, forces per volume, centrifugal forces.
+/// Loads on the material of a body: weight, forces per volume, centrifugal forces.
 #pragma once
 
 #include <memory>
@@ -25,5 +25,9 @@ struct BodyLoadLaw {
 [[nodiscard]] std::unique_ptr<PressedFaces> load_material(const FlexibleBody& body, const Mesh& mesh,
                                                           std::span<const Index> elements,
                                                           const ElementMaterials& materials, const BodyLoadLaw& law);
+
+/// On all elements of any flexible body, by its consistent mass: M (acceleration + w x ((x - point) x w)), which is
+/// exact for all vertices, since places of the material are linear in them. @param law  without a force per volume
+[[nodiscard]] std::unique_ptr<PressedFaces> load_mass(const FlexibleBody& body, const BodyLoadLaw& law);
 
 }  // namespace espalier::dynamics

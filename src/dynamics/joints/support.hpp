@@ -12,16 +12,19 @@
 
 namespace espalier::dynamics {
 
-/// Equations e . x - rest - f(t) = 0 for vertices x of one body and constant directions e. Vertices behind that of a
-/// node's position are its directors or slopes.
+/// Equations e . x - rest - f(t) = 0 for vertices x of one body and constant directions e, or sums of such products.
+/// Vertices behind that of a node's position are its directors or slopes.
 class Support final : public Component, public Switching {
  public:
-  struct Row {
+  struct Part {
     Index vertex = 0;               ///< of the body
-    Vec3 direction = Vec3::Zero();  ///< of length one, global axes
-    double rest = 0;                ///< e . x at the start
-    int motion = -1;                ///< f: which of the motions; -1: zero
-    std::string label;              ///< "node 7, x"
+    Vec3 direction = Vec3::Zero();  ///< e, global axes
+  };
+  struct Row {
+    std::vector<Part> parts;  ///< vertices of one node, each once
+    double rest = 0;          ///< the sum of e . x at the start
+    int motion = -1;          ///< f: which of the motions; -1: zero
+    std::string label;        ///< "node 7, x"
   };
   /// @param body of a system already; outlives it
   Support(std::string name, const FlexibleBody& body, std::vector<Row> rows, std::vector<TimeFunction> motions);
@@ -41,6 +44,10 @@ class Support final : public Component, public Switching {
   void branches(const StateView& s, Branches& out) const override;
 
  private:
+  /// use(row of the system, vertex, 0 to 2, value) for all entries of Phi_q that are not zero.
+  template <class Use>
+  void for_each_entry(const Use& use) const;
+
   const FlexibleBody& body_;
   std::vector<Row> rows_;
   std::vector<TimeFunction> motions_;

@@ -51,9 +51,7 @@ struct ElementShape {
 /// The constants of a shape. Never fails for a value of the enumeration.
 const ElementShape& shape_of(ElementType type);
 
-/// True for the solids that FlexibleBody can simulate: tet4, tet10, hex8, hex20.
-constexpr bool is_simulated_solid(ElementType t) {
-  return t == ElementType::tet4 || t == ElementType::tet10 || t == ElementType::hex8 || t == ElementType::hex20;
-}
+/// True for the solids that FlexibleBody can simulate: all but pyramids.
+constexpr bool is_simulated_solid(ElementType t) { return t >= ElementType::tet4 && t <= ElementType::wedge15; }
 
 }  // namespace espalier::dynamics

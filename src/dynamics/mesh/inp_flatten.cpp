@@ -67,7 +67,7 @@ class Flattener final : public InpLookup {
     bool found = false;
     for (const InpScope* scope : space.scopes)
       if (const auto surface = scope->surfaces.find(member.name); surface != scope->surfaces.end()) {
-        add_faces(space, surface->second, out);
+        add_faces(space, surface->second, true, out);
         found = true;
       }
     return found;
@@ -326,22 +326,25 @@ class Flattener final : public InpLookup {
   void add_surface(const Labels& space, const InpSet& surface) {
     const std::string name = spelling(surface_names_, surface.spelling);
     auto& faces = mesh_.face_sets[name];
-    add_faces(space, surface, faces);
+    add_faces(space, surface, false, faces);
     if (faces.empty()) mesh_.face_sets.erase(name);
   }
 
-  void add_faces(const Labels& space, const InpSet& surface, std::vector<MeshFace>& faces) const {
+  void add_faces(const Labels& space, const InpSet& surface, bool of_shells, std::vector<MeshFace>& faces) const {
     for (const InpMember& entry : surface.entries) {
       std::vector<Index> elements;
       resolve(entry, space, false, 0, elements);
       for (const Index e : elements) {
-        const auto count = shape_of(mesh_.type(e)).faces.size();
+        if (shape_of(mesh_.type(e)).dimension == 2 && of_shells && (entry.side >= 0 || entry.face < 0))
+          faces.push_back({e, std::max(entry.side, kShellTop)});
         if (shape_of(mesh_.type(e)).dimension < 3) continue;  // edges and sides of surface elements
+        if (entry.side >= 0)
+          fail(entry.line, fmt::format("element {} is no shell, which has SPOS and SNEG", mesh_.element_label(e)));
         if (entry.face < 0) {
           add_outer_faces(e, faces);
           continue;
         }
-        if (static_cast<std::size_t>(entry.face) >= count)
+        if (static_cast<std::size_t>(entry.face) >= shape_of(mesh_.type(e)).faces.size())
           fail(entry.line, fmt::format("element {} ({}) has no face S{}", mesh_.element_label(e),
                                        shape_of(mesh_.type(e)).name, entry.face + 1));
         faces.push_back({e, entry.face});

@@ -37,6 +37,7 @@ struct InpMember {
   /// The labels first, first + step ... up to last: more than one of GENERATE. @pre first <= last, step > 0
   std::int64_t first = 0, last = 0, step = 1;
   int face = -1;             ///< of surfaces: 0-based face of the element; -1: those that are on the outside
+  int side = -1;             ///< likewise kShellTop (SPOS) or kShellBottom (SNEG) of shells; -1: of none
   bool of_surface = false;   ///< `name` is a surface of nodes, where there is one
   bool of_elements = false;  ///< of sets of nodes: `name` is a set of elements, whose nodes are meant
   std::int64_t line = 0;
@@ -81,11 +82,12 @@ struct InpModel {
   std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
   std::vector<std::string> notices{};         ///< of materials
   std::map<std::string, long> long_elements;  ///< with more nodes than their types have, by these
-  /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of solids.
+  /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of the others.
   bool is_deck = false;
   std::vector<InpCard> cards;
   int steps = 0;
-  std::set<std::string> solid_types;
+  std::map<std::string, DeckPlace> read_types;  ///< where the first of each stands
+  std::set<std::string> thin_materials;         ///< upper-case names: of sections of shells and beams
 };
 
 /// Reads the text of the file `path`, and the files that it includes. @param deck  keep its cards

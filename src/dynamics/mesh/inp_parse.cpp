@@ -84,6 +84,8 @@ class InpParser {
       model_.materials.push_back({k.need(reader, "NAME"), 0, 0, 0});
     else if (k.name == "*SOLIDSECTION")
       scope().section_material[upper(k.need(reader, "ELSET"))] = k.get("MATERIAL");
+    else if (k.name == "*SHELLSECTION" || k.name == "*BEAMSECTION")
+      return thin_section(reader, k);
     else if (k.name == "*ASSEMBLY")
       model_.assembly = upper(k.get("NAME"));
     else if (k.name == "*PART")
@@ -95,6 +97,17 @@ class InpParser {
     else if (!is_idle_inp_keyword(k.name))
       pass_over(reader, k);
     skip(reader);
+  }
+
+  /// Read where shells and beams are made of the mesh: here only which materials they have, those of layers too.
+  void thin_section(LineReader& reader, const InpKeyword& k) {
+    model_.thin_materials.insert(upper(k.get("MATERIAL")));
+    std::string_view line, field;
+    while (next_inp_data(reader, line)) {
+      Fields fields(reader, line, ',');
+      if (k.has("COMPOSITE") && fields.next(field) && fields.next(field) && fields.next(field))
+        model_.thin_materials.insert(upper(inp_unquoted(field)));
+    }
   }
 
   void pass_over(LineReader& reader, const InpKeyword& k) {
@@ -165,7 +178,7 @@ class InpParser {
                       name));
     InpSet* set = k.has("ELSET") ? &inp_set(scope().element_sets, k.get("ELSET")) : nullptr;
     if (!type) return passed_over(reader, k, name, set);
-    if (model_.is_deck) model_.solid_types.insert(name);
+    if (model_.is_deck) model_.read_types.emplace(name, DeckPlace{reader.path(), reader.line()});
     std::string_view line;
     while (next_inp_data(reader, line)) {
       InpElement e{*type, 0, {}, here(reader)};
@@ -247,6 +260,12 @@ class InpParser {
       if (!fields.next(field) || field.empty()) continue;
       InpMember e = inp_member(field, upper(k.get("INSTANCE")), here(reader));
       if (fields.next(field) && !field.empty()) {
+        const std::string face = upper(field);
+        if (face == "SPOS" || face == "SNEG") {
+          e.side = face == "SPOS" ? kShellTop : kShellBottom;
+          target.entries.push_back(e);
+          continue;
+        }
         if (field.size() != 2 || std::toupper(field[0]) != 'S' || field[1] < '1' || field[1] > '6')
           continue;  // sides of shells, edges: no faces of solids
         e.face = field[1] - '1';

@@ -50,6 +50,7 @@ class LineCards {
   LineSection& begin(const NastranCard& card) {
     LineSection& s = sections_[card.integer(0, "number")];
     s = {};
+    s.place = fmt::format("{}:{}", card.path, card.line);
     s.material = fmt::format("MAT1-{}", card.integer(1, "material"));
     return s;
   }

@@ -21,6 +21,7 @@ class InpSection {
   InpSection(LineReader& reader, const InpKeyword& keyword) : reader_(reader), keyword_(keyword) {
     out_.set = keyword.need(reader, "ELSET");
     out_.material = keyword.get("MATERIAL");
+    out_.place = fmt::format("{}:{}", reader.path(), reader.line());
   }
 
   LineSection beam() {

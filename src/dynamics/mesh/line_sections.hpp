@@ -33,6 +33,7 @@ struct LineSection {
   std::optional<Point> first;  ///< the direction that the file gives; none: of each element (LineSections::directions)
   bool across = false;         ///< y of the section is x cross this direction, else the direction itself
   std::string fault{};         ///< what the section says that is not read; with file and line
+  std::string place{};         ///< "file:line"
 };
 
 struct LineSections {

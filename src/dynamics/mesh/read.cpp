@@ -27,7 +27,12 @@ Deck read_deck(const std::string& path, int step) {
   if (!file_exists(path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", path));
-  return format->deck(read_whole_file(path), path, step);
+  Deck deck = format->deck(read_whole_file(path), path, step);
+  bool has[4] = {};
+  for (Index e = 0; e < deck.mesh.element_count(); ++e) has[shape_of(deck.mesh.type(e)).dimension] = true;
+  if (has[2]) deck.shell_sections = read_shell_sections(path).list;
+  if (has[1]) deck.line_sections = read_line_sections(path, deck.mesh);
+  return deck;
 }
 
 Mesh read_mesh(const std::string& path) {

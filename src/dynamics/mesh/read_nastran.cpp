@@ -2,6 +2,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 
 #include "dynamics/mesh/deck/nastran_deck.hpp"
@@ -28,7 +29,7 @@ constexpr CardShape kCardShapes[] = {
     {"CBAR", ElementType::line2, ElementType::line2},      {"CBEAM", ElementType::line2, ElementType::line2},
     {"CROD", ElementType::line2, ElementType::line2}};
 /// Read where shells and beams are made of the mesh.
-constexpr const char* kSections[] = {"PSHELL", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD"};
+constexpr const char* kSections[] = {"PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM", "PBEAML", "PROD"};
 // Position in the card of our node a: Nastran counts the upright edges before those of the top.
 constexpr int kCardHex20[20] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 16, 17, 18, 19, 12, 13, 14, 15};
 constexpr int kCardWedge15[15] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 13, 14, 9, 10, 11};
@@ -112,7 +113,6 @@ class NastranReader {
       turn_round(type, std::span(nodes).first(count));
       ++turned_;
     }
-    if (is_deck_ && shape_of(type).dimension < 3) deck_cards_.push_back(card);
     const std::size_t added = elements_.add(type, label, {nodes.data(), count});
     elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
   }
@@ -149,6 +149,11 @@ class NastranReader {
       m.poisson = card.real(3, "Poisson's ratio", shear > 0 && m.young > 0 ? m.young / (2 * shear) - 1 : 0);
       if (m.young == 0) m.young = 2 * shear * (1 + m.poisson);
       m.density = card.real(4, "density", 0);
+      constexpr double kApart = 0.01;  // from where on Nastran warns
+      if (const double own = m.young / (2 * (1 + m.poisson)); shear > 0 && std::abs(own / shear - 1) > kApart)
+        mesh_.notices.push_back(
+            fmt::format("{}:{}: MAT1 has G = {:g}, and E / (2 (1 + NU)) is {:g}: E and NU are taken", card.path,
+                        card.line, shear, own));
       mesh_.materials.push_back(m);
     }
     for (const auto& [property, material] : solids_)

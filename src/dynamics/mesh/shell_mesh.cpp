@@ -6,6 +6,7 @@
 #include <cmath>
 #include <deque>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "base/at.hpp"
@@ -30,7 +31,7 @@ Point cross(const Point& a, const Point& b) {
 
 class ShellMesher {
  public:
-  ShellMesher(const Mesh& mesh, const std::vector<double>& thickness) : from_(mesh) {
+  ShellMesher(const Mesh& mesh, const std::vector<std::array<double, 4>>& thickness) : from_(mesh) {
     out_.mesh.name = mesh.name;
     out_.mesh.nodes = mesh.nodes;
     out_.mesh.node_sets = mesh.node_sets;
@@ -116,7 +117,7 @@ class ShellMesher {
     return it->second;
   }
 
-  void add(Index e, double thickness) {
+  void add(Index e, const std::array<double, 4>& thickness) {
     const auto nodes = from_.element(e);
     const std::size_t corners = corners_of_[at(e)];
     const bool quadratic = nodes.size() > corners;
@@ -137,11 +138,16 @@ class ShellMesher {
     const Index centre = new_node(x);
     inner_.emplace_back(centre,
                         std::vector<Index>(nodes.begin(), nodes.begin() + static_cast<std::ptrdiff_t>(corners)));
-    for (std::size_t a = 0; a < corners; ++a)
-      put({nodes[a], mids[a], centre, mids[(a + corners - 1) % corners]}, e, thickness);
+    double mean = 0;
+    for (std::size_t a = 0; a < corners; ++a) mean += thickness[a] / static_cast<double>(corners);
+    for (std::size_t a = 0; a < corners; ++a) {
+      const std::size_t before = (a + corners - 1) % corners, after = (a + 1) % corners;
+      put({nodes[a], mids[a], centre, mids[before]}, e,
+          {thickness[a], 0.5 * (thickness[a] + thickness[after]), mean, 0.5 * (thickness[before] + thickness[a])});
+    }
   }
 
-  void put(const Quad& quad, Index element, double thickness) {
+  void put(const Quad& quad, Index element, const std::array<double, 4>& thickness) {
     quads_.push_back(quad);
     element_.push_back(element);
     thickness_.push_back(thickness);
@@ -195,6 +201,7 @@ class ShellMesher {
             if (known[other] != 0) continue;
             if (same) {
               std::reverse(quads_[other].begin(), quads_[other].end());
+              std::reverse(thickness_[other].begin(), thickness_[other].end());
               ++turned;
             }
             known[other] = 1;
@@ -249,14 +256,16 @@ class ShellMesher {
     std::vector<Point> sum(count, Point{});
     std::vector<double> thick(count, 0.0), faces(count, 0.0), cosine(count, 0.0), least(count, 1.0);
     double mean = 0;
-    for (const double t : thickness_) mean += t / static_cast<double>(thickness_.size());
+    for (const auto& t : thickness_) mean += std::accumulate(t.begin(), t.end(), 0.0);
+    mean /= 4 * static_cast<double>(thickness_.size());
     out_.thickness = mean;
     for (std::size_t q = 0; q < quads_.size(); ++q) {
       const Point n = normal(q);
-      for (const Index k : quads_[q]) {
-        sum[at(k)] = plus(sum[at(k)], n, 1 / length(n));
-        thick[at(k)] += thickness_[q];
-        faces[at(k)] += 1;
+      for (std::size_t a = 0; a < 4; ++a) {
+        const auto k = at(quads_[q][a]);
+        sum[k] = plus(sum[k], n, 1 / length(n));
+        thick[k] += thickness_[q][a];
+        faces[k] += 1;
       }
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -293,8 +302,8 @@ class ShellMesher {
   std::int64_t next_label_ = 1;
   std::vector<std::size_t> corners_of_;
   std::vector<Quad> quads_;
-  std::vector<Index> element_;     // that each quadrilateral is of
-  std::vector<double> thickness_;  // of each quadrilateral
+  std::vector<Index> element_;                    // that each quadrilateral is of
+  std::vector<std::array<double, 4>> thickness_;  // at the corners of each quadrilateral
   std::map<Edge, Index> middles_;
   std::map<Edge, std::vector<std::size_t>> sides_;
   std::vector<std::pair<Index, std::vector<Index>>> inner_;  // new nodes inside elements, with the corners around
@@ -302,7 +311,7 @@ class ShellMesher {
 
 }  // namespace
 
-ShellMesh make_shell_mesh(const Mesh& mesh, const std::vector<double>& thickness, double offset) {
+ShellMesh make_shell_mesh(const Mesh& mesh, const std::vector<std::array<double, 4>>& thickness, double offset) {
   return ShellMesher(mesh, thickness).make(offset);
 }
 

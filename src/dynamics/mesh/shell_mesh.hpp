@@ -26,10 +26,11 @@ struct ShellMesh {
 /// Normals are made to point to one side, that of the first element of each piece. The director of a node is the mean
 /// normal of its faces; at a fold it is longer, so that both walls keep their thickness up to the mitre.
 ///
-/// @param mesh  surface elements alone, no unused nodes @param thickness  of each element, above 0
+/// @param mesh  surface elements alone, no unused nodes @param thickness  at the corners of each element, above 0
 /// @param offset  from the nodes to the middle, along the normals, over the thickness
 /// @throws Error(invalid_input) for other elements, edges of more than two elements, surfaces with one side, folds that
 /// are too sharp, elements without area; names elements and nodes
-[[nodiscard]] ShellMesh make_shell_mesh(const Mesh& mesh, const std::vector<double>& thickness, double offset);
+[[nodiscard]] ShellMesh make_shell_mesh(const Mesh& mesh, const std::vector<std::array<double, 4>>& thickness,
+                                        double offset);
 
 }  // namespace espalier::dynamics

@@ -108,8 +108,8 @@ void find_defects(const Mesh& mesh, MeshSurvey& s) {
     s.defects.push_back(
         fmt::format("element {} is inverted or collapsed at a corner", element_name(mesh, s.worst_element)));
   if (s.solids > s.simulated)
-    s.defects.push_back(fmt::format("{} solids are of shapes that are not simulated (tet4, tet10, hex8, hex20 are)",
-                                    s.solids - s.simulated));
+    s.defects.push_back(
+        fmt::format("{} solids are of shapes that are not simulated (pyramids)", s.solids - s.simulated));
   if (s.pieces.size() > 1) {
     std::string labels;
     for (std::size_t k = 0; k < std::min<std::size_t>(5, s.pieces.size()); ++k)

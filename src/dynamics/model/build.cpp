@@ -269,14 +269,20 @@ class Builder {
   void add_body_load(const ForceSpec& f) {
     const BuiltBody* body = out_.body(f.body);
     if (body == nullptr) frames_.unknown_body(f.body, f.place);
-    if (!body->mesh || body->reduced != nullptr)
-      throw std::invalid_argument("body loads act on solids, which are not reduced");
+    if (body->flexible == nullptr || body->reduced != nullptr)
+      throw std::invalid_argument("body loads act on flexible bodies, which are not reduced");
+    const BodyLoadLaw& law = *f.material;
+    if (!body->mesh && (!f.element_set.empty() || !law.per_volume.isZero(0)))
+      throw std::invalid_argument(fmt::format(
+          "'{}' is no solid: an acceleration or a rotation acts on all of it; forces per volume and sets of elements "
+          "are those of solids. Take a line-load, a pressure, or a body for each part (element_set)",
+          f.body));
     const std::span<const Index> elements =
         f.element_set.empty() ? std::span<const Index>() : std::span(body->mesh->element_set(f.element_set));
-    const BodyLoadLaw& law = *f.material;
     if (body->spec.massless && (!law.acceleration.isZero(0) || !law.spin.isZero(0)))
       throw std::invalid_argument(fmt::format("'{}' has no density: give its material one", f.body));
-    auto load = load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law);
+    auto load = body->mesh ? load_material(*body->flexible, *body->mesh, elements, materials_of(*body), law)
+                           : load_mass(*body->flexible, law);
     out_.pressures.push_back(&out_.system.add(std::make_unique<FacePressure>(f.name, std::move(load))));
   }
 
@@ -284,7 +290,7 @@ class Builder {
     const BuiltBody* body = out_.body(f.body);
     if (body == nullptr) frames_.unknown_body(f.body, f.place);
     const LineLoadLaw law{f.linear, f.angular, f.follower};
-    std::vector<LoadedPoint> points = points_of_line(f.where, *body, frames_);
+    std::vector<LoadedPoint> points = points_of_line(f.where, f.element_set, *body, frames_);
     if ((law.follower || !law.moment.isZero()) && !points.front().frame->has_rotation())
       throw std::invalid_argument(
           fmt::format("'{}' is a cable, which has no axes: forces of constant direction act on it", f.body));

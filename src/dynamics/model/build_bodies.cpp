@@ -47,30 +47,11 @@ Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
   return std::visit(Visitor{own}, part.shape);
 }
 
-/// With the sets that the entries of the model name which the deck stands for.
-Mesh mesh_of_deck(const MeshFile& file, const std::string& body) {
-  Deck deck = read_deck(file.path, file.step);
-  TakenDeck taken = take_deck(deck, choice_of(file.take), body);
-  Mesh mesh = std::move(deck.mesh);
-  complete_sets(mesh);
-  for (auto& [name, nodes] : taken.node_sets) {
-    sort_unique(nodes);
-    mesh.node_sets[name] = std::move(nodes);
-  }
-  for (auto& [name, elements] : taken.element_sets) {
-    sort_unique(elements);
-    mesh.element_sets[name] = std::move(elements);
-  }
-  for (auto& [name, faces] : taken.face_sets) mesh.face_sets[name] = std::move(faces);
-  mesh.notices.insert(mesh.notices.end(), taken.notices.begin(), taken.notices.end());
-  return mesh;
-}
-
 Mesh load_mesh(const MeshFile& file, const std::string& body) {
   if (!file_exists(file.path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.path));
-  Mesh mesh = file.take.empty() ? read_mesh(file.path) : mesh_of_deck(file, body);
+  Mesh mesh = mesh_of_file(file, body);
   for (Point& p : mesh.nodes)
     for (double& x : p) x *= file.scale;
   mesh.drop_unused_nodes();
@@ -182,6 +163,26 @@ std::unique_ptr<FlexibleBody> make_flexible_body(const BodySpec& spec, bool stat
 }
 
 }  // namespace
+
+Mesh mesh_of_file(const MeshFile& file, const std::string& body) {
+  if (file.take.empty()) return read_mesh(file.path);
+  Deck deck = read_deck(file.path, file.step);
+  TakenDeck taken = take_deck(deck, choice_of(file.take), file.owner.empty() ? body : file.owner);
+  Mesh mesh = std::move(deck.mesh);
+  complete_sets(mesh);
+  for (auto& [name, nodes] : taken.node_sets) {
+    sort_unique(nodes);
+    mesh.node_sets[name] = std::move(nodes);
+  }
+  for (auto& [name, elements] : taken.element_sets) {
+    sort_unique(elements);
+    mesh.element_sets[name] = std::move(elements);
+  }
+  for (auto& [name, faces] : taken.face_sets) mesh.face_sets[name] = std::move(faces);
+  if (file.owner.empty()) mesh.notices.insert(mesh.notices.end(), taken.notices.begin(), taken.notices.end());
+  if (!file.owner.empty()) mesh.notices.clear();  // which the owner has
+  return mesh;
+}
 
 RayleighDamping body_damping(const BodySpec& spec, const Description& model) {
   RayleighDamping out = spec.damping;

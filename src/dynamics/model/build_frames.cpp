@@ -269,8 +269,7 @@ std::unique_ptr<FlexibleFrame> FrameBuilder::make_nodal(const MarkerSpec& m, con
   const Index k = node(m, body);
   const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape);
   const bool turns = substructure == nullptr || substructure->nodes[static_cast<std::size_t>(k)].components == 6;
-  if (const auto* shell = std::get_if<ShellSpec>(&body.spec.shape); shell != nullptr && shell->offset != 0)
-    return make_point_frame(flexible, shell_node(body, k));
+  if (std::holds_alternative<ShellSpec>(body.spec.shape)) return shell_node_frame(body, k, axes);
   return flexible.vertices_per_node() == 4 && turns ? make_beam_frame(flexible, k, axes) : make_node_frame(flexible, k);
 }
 

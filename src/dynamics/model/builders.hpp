@@ -37,6 +37,10 @@ struct HeldPoint {
 };
 [[nodiscard]] std::unique_ptr<FlexibleFrame> make_point_frame(const FlexibleBody& body, const HeldPoint& point);
 
+/// As the file has it, with the sets that entries of the model name which its deck stands for. @param body  that it is
+/// of
+[[nodiscard]] Mesh mesh_of_file(const MeshFile& file, const std::string& body);
+
 /// The quadrilaterals of its grid of nodes, x fastest.
 [[nodiscard]] std::vector<std::array<Index, 4>> shell_quads(const ShellSpec& shell);
 /// Makes one body and adds it to the system.

@@ -64,6 +64,7 @@ struct MeshFile {
   double scale = 1;               ///< factor on all coordinates
   std::vector<std::string> take;  ///< what else of the deck, see decks/take.hpp; empty: nothing
   int step = 0;                   ///< of the deck; 0: the first
+  std::string owner{};            ///< the body that takes the deck, of which this one is a part; empty: itself
 };
 /// A block with given divisions.
 struct BlockMesh {
@@ -91,6 +92,7 @@ struct SolidSpec {
   std::string element_set;           ///< empty: all elements
   std::optional<Material> material;  ///< none: what the mesh file states
   SolidOptions options;
+  std::vector<std::pair<std::string, Material>> set_materials{};  ///< of element sets; what is in none has `material`
 };
 /// What stresses in a section need beside its stiffness.
 struct SectionOutline {
@@ -353,6 +355,7 @@ struct SupportSpec {
   std::array<std::optional<Expression>, 3> motion;  ///< displacements from the start, functions of time
   bool slopes = false;                              ///< directors of shells and slopes of cables are held, too
   bool symmetry = false;                            ///< about the plane across the first direction: slopes stay in it
+  std::array<bool, 3> rotations{};                  ///< of nodes of shells and beams, about the directions
 };
 
 /// A linear equation between displacements of nodes of solids from the start: exact, or held by a spring and a dashpot.

@@ -108,13 +108,16 @@ class BodyReader {
   }
   std::optional<Material> plain_material(Section& s) const {
     const Value* value = s.value("material");
-    if (value == nullptr) return std::nullopt;
-    if (value->type != Value::Type::text) return read_material(*value);
-    const auto it = materials_.find(value->text);
+    return value == nullptr ? std::nullopt : std::optional(material_of(*value));
+  }
+  /// A name, or a table.
+  Material material_of(const Value& value) const {
+    if (value.type != Value::Type::text) return read_material(value);
+    const auto it = materials_.find(value.text);
     if (it != materials_.end()) return it->second;
     std::vector<std::string> names;
     for (const auto& [name, m] : materials_) names.push_back(name);
-    fail(value->place, fmt::format("unknown material '{}'{}", value->text, suggestion(value->text, names)));
+    fail(value.place, fmt::format("unknown material '{}'{}", value.text, suggestion(value.text, names)));
   }
   Material needed_material(Section& s) const {
     const auto found = material(s);
@@ -261,12 +264,26 @@ class BodyReader {
     if (!mesh) fail(s.place(), "needs 'mesh': { file = \"...\" } or { part = \"...\", unknowns = ... }");
     solid.mesh = read_mesh_source(*mesh);
     solid.material = material(s);
+    read_set_materials(s, solid);
     if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), kNeedsMaterial);
     solid.element_set = s.text("element_set", "");
     solid.options.hex8 =
         static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));
     solid.options.reduced_hex20 = s.flag("reduced_hex20", false);
     return solid;
+  }
+
+  /// Of element sets.
+  void read_set_materials(Section& s, SolidSpec& solid) const {
+    const Value* table = s.value("materials");
+    if (table == nullptr) return;
+    if (!table->is_table() || table->entries.empty())
+      fail(table->place, "must be a table: { SET = \"steel\", OTHER = { young = ..., poisson = ..., density = ... } }");
+    for (const auto& [set, value] : table->entries) {
+      solid.set_materials.emplace_back(set, material_of(value));
+      Material& made = solid.set_materials.back().second;
+      made.density = noted(made.density);
+    }
   }
 
   /// Relative to the folder of the model.
@@ -324,8 +341,8 @@ class BodyReader {
 
   std::variant<MeshFile, MeshPart> read_mesh_source(Section s) const {
     if (s.has("file")) {
-      MeshFile file{beside_model(s.text("file")), s.positive("scale", 1), s.texts("take"), 0};
-      if (!file.take.empty()) file.step = s.integer("step", 1, 0);
+      MeshFile file{beside_model(s.text("file")), s.positive("scale", 1), {}};
+      read_take(s, file);
       s.finish();
       return file;
     }
@@ -556,8 +573,16 @@ class BodyReader {
     MeshFile found;
     found.path = beside_model(mesh.text("file"));
     found.scale = mesh.positive("scale", 1);
+    read_take(mesh, found);
     mesh.finish();
     return found;
+  }
+
+  static void read_take(Section& mesh, MeshFile& file) {
+    file.take = mesh.texts("take");
+    if (file.take.empty()) return;
+    file.step = mesh.integer("step", 1, 0);
+    file.owner = mesh.text("of", "");
   }
 
   /// Surface elements of a file.

@@ -225,6 +225,7 @@ ForceSpec read_force(const std::string& name, const Value& value, const std::str
     f.where.place = s.place();
     f.body = f.where.body = s.text("body");
     read_where(s, f.where);
+    f.element_set = s.text("element_set", "");
   } else {
     f.frames = f.type == ForceType::cable ? read_through(s) : read_frames(s, f.type == ForceType::load ? 1 : 2);
   }

@@ -28,6 +28,15 @@ void read_hold(Section& s, SupportSpec& out) {
   }
 }
 
+/// "x", "xz": axes about which nodes do not turn.
+void read_rotations(Section& s, SupportSpec& out) {
+  for (const std::string& text : s.texts("rotations")) {
+    if (text.empty() || text.find_first_not_of("xyz") != std::string::npos)
+      fail(s.place("rotations"), fmt::format("must be axes like \"x\", \"yz\", [\"x\", \"z\"], not \"{}\"", text));
+    for (const char c : text) out.rotations[static_cast<std::size_t>(c - 'x')] = true;
+  }
+}
+
 /// { x = 1e-3, z = "table(t)" }
 void read_motion(Section s, SupportSpec& out) {
   for (std::size_t i = 0; i < 3; ++i) {
@@ -40,7 +49,7 @@ void read_motion(Section s, SupportSpec& out) {
 
 /// Axes whose first is the normal of the plane.
 void read_symmetry(Section& s, SupportSpec& out) {
-  for (const char* other : {"hold", "motion", "rotation"})
+  for (const char* other : {"hold", "rotations", "motion", "rotation"})
     if (s.has(other))
       fail(s.place(other), "does not go with 'symmetry', which says all; give the rest a support of its own");
   Vec3 normal = Vec3::Zero();
@@ -74,12 +83,15 @@ SupportSpec read_support(const std::string& name, const Value& value) {
   } else {
     out.where.axes = s.rotation("rotation");
     read_hold(s, out);
+    read_rotations(s, out);
     if (auto motion = s.table("motion")) read_motion(*motion, out);
-    if (std::none_of(out.held.begin(), out.held.end(), [](bool held) { return held; }))
+    const auto is_held = [](bool held) { return held; };
+    if (std::none_of(out.held.begin(), out.held.end(), is_held) &&
+        std::none_of(out.rotations.begin(), out.rotations.end(), is_held))
       fail(s.place(),
-           "needs what is held: hold = \"all\" (a clamp) or directions (\"x\", \"yz\"), symmetry = \"x\" (the normal "
-           "of a "
-           "plane), or motion = { z = 1e-3 } (displacements, numbers or functions of t)");
+           "needs what is held: hold = \"all\" (a clamp) or directions (\"x\", \"yz\"), rotations = \"x\", "
+           "symmetry = \"x\" (the normal of a plane), or motion = { z = 1e-3 } (displacements, numbers or functions "
+           "of t)");
   }
   s.finish();
   return out;

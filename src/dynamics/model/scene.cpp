@@ -11,6 +11,7 @@
 #include "dynamics/elements/shape_functions.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/assembly/solid_materials.hpp"
+#include "dynamics/model/fields/sampling.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -31,11 +32,10 @@ Vec3 half_edges(const RigidSpec& rigid) {
 
 double von_mises(ElementType type, const Material& material, std::span<const double> reference,
                  std::span<const double> position) {
-  const bool tet = type == ElementType::tet4 || type == ElementType::tet10;
-  const double middle[3] = {tet ? 0.25 : 0, tet ? 0.25 : 0, tet ? 0.25 : 0};
+  const std::array<double, 3> middle = middle_of(type);
   const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
   std::array<double, 3 * kMaxElementNodes> dn{};
-  shape_gradients(type, middle, dn.data());
+  shape_gradients(type, middle.data(), dn.data());
   Mat3 to_reference = Mat3::Zero(), to_position = Mat3::Zero();
   for (std::size_t a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)

@@ -10,7 +10,9 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/mesh/line_sections.hpp"
 #include "dynamics/mesh/mesh.hpp"
+#include "dynamics/mesh/shell_sections.hpp"
 
 namespace espalier::dynamics {
 
@@ -60,12 +62,22 @@ struct DeckForce {
 };
 struct DeckPressure {
   DeckPlace place;
-  MeshFace face;
+  MeshFace face;     ///< of shells kShellTop, where the element's normal points to, or kShellBottom
   double value = 0;  ///< positive towards the face
   int curve = -1;
   int step = 0;  ///< that states it
 };
-/// Acts on all solids and masses, or on those of a set; see BodyLoadLaw.
+inline constexpr int kShellTop = 0, kShellBottom = 1;
+/// Force per length on a beam or bar, or on an edge of a shell.
+struct DeckLineLoad {
+  DeckPlace place;
+  Index element = 0;
+  int edge = -1;  ///< of shells: from corner `edge` to the next one
+  Point force{};  ///< global axes
+  int curve = -1;
+  int step = 0;  ///< that states it
+};
+/// Acts on all elements and masses, or on those of a set; see BodyLoadLaw.
 struct DeckBodyLoad {
   DeckPlace place;
   std::string label;              ///< GRAV, CENTRIF ...
@@ -154,6 +166,7 @@ struct Deck {
   std::vector<DeckHold> holds;
   std::vector<DeckForce> forces;
   std::vector<DeckPressure> pressures;
+  std::vector<DeckLineLoad> line_loads;
   std::vector<DeckBodyLoad> body_loads;
   std::vector<DeckSpring> springs, dashpots;
   std::vector<DeckMass> masses;
@@ -163,6 +176,8 @@ struct Deck {
   std::vector<DeckConnector> connectors;
   std::vector<std::vector<std::pair<double, double>>> curves;  ///< points (time, factor)
   std::map<Index, std::array<Point, 3>> axes;                  ///< of nodes that have their own
+  std::vector<ShellSection> shell_sections;
+  LineSections line_sections;
   DeckStep step;
   int steps = 0;                 ///< that the deck has
   std::string hex8;              ///< formulation of 8-node hexahedra that the deck names; empty: none or several

@@ -75,10 +75,11 @@ class InpDeckReader {
     leave(procedure && name != "*MODELCHANGE" ? DeckKind::step : DeckKind::others, name, card);
   }
 
-  /// Of a material that solids are made of.
+  /// Of a material that elements are made of.
   void material_law(const InpCard& card) {
     const auto& sections = lookup_.mesh().section_material;
-    if (std::none_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == card.material; }))
+    if (std::none_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == card.material; }) &&
+        !model_.thin_materials.contains(upper(card.material)))
       return;
     const std::string type = card.keyword.has("TYPE") ? " TYPE=" + upper(card.keyword.get("TYPE")) : "";
     leave(DeckKind::others, fmt::format("{}{} of material {}", card.keyword.name, type, card.material), card);
@@ -212,13 +213,13 @@ class InpDeckReader {
   void note_formulations() {
     std::set<std::string> hex8;
     std::set<bool> reduced;
-    for (const std::string& type : model_.solid_types) {
+    for (const auto& [type, place] : model_.read_types) {
       if (type.starts_with("C3D8")) hex8.insert(type == "C3D8" ? "full" : type == "C3D8I" ? "enhanced" : "");
       if (type.starts_with("C3D20")) reduced.insert(type.starts_with("C3D20R"));
     }
     if (hex8.size() == 1) deck_.hex8 = *hex8.begin();
     deck_.reduced_hex20 = reduced.size() == 1 && *reduced.begin();
-    for (const std::string& type : model_.solid_types)
+    for (const auto& [type, place] : model_.read_types)
       if ((type.starts_with("C3D8") && deck_.hex8.empty()) || (type.starts_with("C3D20") && reduced.size() > 1) ||
           type.starts_with("C3D10M"))
         deck_.other_elements += fmt::format("{}{}", deck_.other_elements.empty() ? "" : ", ", type);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/mesh/names.hpp"
@@ -14,6 +15,11 @@ namespace {
 /// The axis of BX, BY, BZ; -1: another label.
 int force_axis(const std::string& label) {
   return label.size() == 2 && label[0] == 'B' && label[1] >= 'X' && label[1] <= 'Z' ? label[1] - 'X' : -1;
+}
+
+/// "P3": a word and a digit from 1 on.
+bool is_numbered(const std::string& label, std::string_view word, char last) {
+  return label.size() == word.size() + 1 && label.starts_with(word) && label.back() >= '1' && label.back() <= last;
 }
 
 }  // namespace
@@ -66,6 +72,7 @@ void InpLoads::finish() {
   Deck& deck = target_.deck();
   for (const auto& [key, force] : forces_) deck.forces.push_back(force);
   for (const auto& [key, pressure] : pressures_) deck.pressures.push_back(pressure);
+  for (const auto& [key, load] : line_loads_) deck.line_loads.push_back(load);
   deck.body_loads = std::move(body_loads_);
 }
 
@@ -95,7 +102,10 @@ void InpLoads::add_or_replace(std::map<Key, Load>& loads, const Key& key, const 
   const auto [known, added] = loads.emplace(key, load);
   if (added) return;
   if (known->second.step == card.step && known->second.curve == load.curve) {
-    known->second.value += load.value;
+    if constexpr (std::is_same_v<Load, DeckLineLoad>)
+      known->second.force = difference_of(known->second.force, scaled_by(-1, load.force));
+    else
+      known->second.value += load.value;
   } else if (known->second.step == card.step) {
     fail(load.place, fmt::format("{}: the load of line {} acts at the same place with another AMPLITUDE; make one "
                                  "curve of the two",
@@ -109,6 +119,7 @@ void InpLoads::dload(const InpCard& card) {
   if (target_.leaves_parameter(card, DeckKind::dload, {"OP", "AMPLITUDE"})) return;
   if (begins_anew(card)) {
     pressures_.clear();
+    line_loads_.clear();
     body_loads_.clear();
   }
   const int curve = amplitudes_.of(card, DeckKind::dload);
@@ -118,8 +129,12 @@ void InpLoads::dload(const InpCard& card) {
     const bool surface = card.keyword.name == "*DSLOAD";
     if (!surface && (label == "GRAV" || label == "CENTRIF" || force_axis(label) >= 0))
       body_load(card, f, label, curve);
-    else if (surface ? label == "P" : label.size() == 2 && label[0] == 'P' && label[1] >= '1' && label[1] <= '6')
+    else if (label == "P" || (!surface && is_numbered(label, "P", '6')))
       pressure(card, f, label, curve);
+    else if (!surface && (label == "PX" || label == "PY" || label == "PZ"))
+      line_load(card, f, static_cast<std::size_t>(label[1] - 'X'), curve);
+    else if (!surface && is_numbered(label, "EDNOR", '4'))
+      edge_load(card, f, label.back() - '1', curve);
     else
       target_.leave(DeckKind::dload, fmt::format("{} {}", card.keyword.name, label), card.place);
   }
@@ -133,7 +148,15 @@ void InpLoads::pressure(const InpCard& card, const CardFields& f, const std::str
   } else {
     for (const Index e : target_.elements(card, f)) {
       const auto& shape = shape_of(mesh.type(e));
-      if (shape.dimension < 3) {
+      if (shape.dimension == 2 && label == "P") {  // along the normal
+        faces.push_back({e, kShellBottom});
+        continue;
+      }
+      if (shape.dimension == 1 && label != "P")
+        fail(f.place(), fmt::format("*DLOAD {}: on beams this is a force per length in Abaqus, and a pressure in "
+                                    "CalculiX: write PX, PY, PZ, forces per length along x, y, z",
+                                    label));
+      if (shape.dimension < 3 || label == "P") {
         target_.leave(DeckKind::dload, fmt::format("*DLOAD {} of {}", label, shape.name), card.place);
         continue;
       }
@@ -148,6 +171,42 @@ void InpLoads::pressure(const InpCard& card, const CardFields& f, const std::str
     target_.leave(DeckKind::dload, fmt::format("{} of elements that are not read", card.keyword.name), card.place);
   for (const MeshFace& at : faces)
     add_or_replace(pressures_, at, DeckPressure{f.place(), at, value, curve, card.step}, card);
+}
+
+void InpLoads::line_load(const InpCard& card, const CardFields& f, std::size_t axis, int curve) {
+  const Mesh& mesh = target_.lookup().mesh();
+  const double value = f.real(2, "force per length");
+  for (const Index e : target_.elements(card, f)) {
+    if (shape_of(mesh.type(e)).dimension != 1) {
+      target_.leave(DeckKind::dload, fmt::format("*DLOAD {} of {}", f.text(1), shape_of(mesh.type(e)).name),
+                    card.place);
+      continue;
+    }
+    DeckLineLoad load{f.place(), e, -1, {}, curve, card.step};
+    load.force[axis] = value;
+    add_or_replace(line_loads_, {e, -1, static_cast<int>(axis)}, load, card);
+  }
+}
+
+/// Across an edge, in the plane of the shell, towards the element.
+void InpLoads::edge_load(const InpCard& card, const CardFields& f, int edge, int curve) {
+  const Mesh& mesh = target_.lookup().mesh();
+  const double value = f.real(2, "force per length");
+  for (const Index e : target_.elements(card, f)) {
+    const auto& shape = shape_of(mesh.type(e));
+    if (shape.dimension != 2 || edge >= shape.corners) {
+      target_.leave(DeckKind::dload, fmt::format("*DLOAD {} of {}", f.text(1), shape.name), card.place);
+      continue;
+    }
+    const auto nodes = mesh.element(e);
+    const auto at = [&](int a) { return mesh.nodes[static_cast<std::size_t>(nodes[static_cast<std::size_t>(a)])]; };
+    const auto corner = [&](int a) { return at(a % shape.corners); };
+    const Point along = difference_of(corner(edge + 1), corner(edge));
+    const Point normal = cross_product(along, difference_of(corner(edge + 2), corner(edge)));
+    const Point inward = direction_of(cross_product(normal, along));
+    add_or_replace(line_loads_, {e, edge, 3},
+                   DeckLineLoad{f.place(), e, edge, scaled_by(value, inward), curve, card.step}, card);
+  }
 }
 
 void InpLoads::body_load(const InpCard& card, const CardFields& f, const std::string& label, int curve) {

@@ -2,6 +2,7 @@
 /// Amplitudes and loads of an .inp deck.
 #pragma once
 
+#include <array>
 #include <map>
 #include <set>
 #include <string>
@@ -42,6 +43,8 @@ class InpLoads {
  private:
   template <class Key, class Load>
   void add_or_replace(std::map<Key, Load>& loads, const Key& key, const Load& load, const InpCard& card);
+  void line_load(const InpCard& card, const CardFields& f, std::size_t axis, int curve);
+  void edge_load(const InpCard& card, const CardFields& f, int edge, int curve);
   void pressure(const InpCard& card, const CardFields& f, const std::string& label, int curve);
   void body_load(const InpCard& card, const CardFields& f, const std::string& label, int curve);
 
@@ -50,6 +53,7 @@ class InpLoads {
   std::set<std::string> news_;  // keywords whose OP=NEW this step has seen
   std::map<std::pair<Index, int>, DeckForce> forces_;
   std::map<MeshFace, DeckPressure> pressures_;
+  std::map<std::array<int, 3>, DeckLineLoad> line_loads_;  // by element, edge and axis (3: across an edge)
   std::vector<DeckBodyLoad> body_loads_;
 };
 

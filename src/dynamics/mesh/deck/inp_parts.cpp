@@ -32,11 +32,10 @@ class InpPartReader {
     for (const InpCard& card : model_.cards) read(card);
     for (const Single& single : singles_)
       if (!single.stated && single.type != "CONN3D2") leave_element(single);
-    for (const std::string& type : model_.solid_types)
-      if (type.starts_with("S") ? !type.starts_with("SFM") && !type.starts_with("SC")
-                                : type.starts_with("B") || type.starts_with("T3D") || type.starts_with("M3D") ||
-                                      type.starts_with("CP") || type.starts_with("CAX"))
-        target_.leave(DeckKind::others, fmt::format("elements {}", type), {model_.path, 0});
+    for (const auto& [type, place] :
+         model_.read_types)  // membranes, plane elements; a bar's third node would be a hinge
+      if (type.starts_with("M3D") || type.starts_with("CP") || type.starts_with("CAX") || type.starts_with("T3D3"))
+        target_.leave(DeckKind::others, fmt::format("elements {}", type), place);
     turn_rotation_nodes();
   }
 

@@ -7,6 +7,23 @@
 
 namespace espalier::dynamics {
 
+namespace {
+
+/// Of faces of solids, and of sides of shells.
+std::vector<Index> nodes_of_sides(const Mesh& mesh, const std::vector<MeshFace>& faces) {
+  std::vector<Index> all;
+  for (const MeshFace& face : faces) {
+    const bool shell = shape_of(mesh.type(face.element)).dimension == 2;
+    const auto own = mesh.element(face.element);
+    const std::vector<Index> nodes = shell ? std::vector(own.begin(), own.end()) : mesh.face_nodes(face);
+    all.insert(all.end(), nodes.begin(), nodes.end());
+  }
+  sort_unique(all);
+  return all;
+}
+
+}  // namespace
+
 /// Calls find(member, home) in each name space that the card speaks for; errors get the place of the line, which may be
 /// in another file than the mesh.
 template <class Find>
@@ -73,7 +90,7 @@ std::vector<Index> InpTarget::surface_nodes(const InpCard& card, const CardField
     member.of_surface = true;
     std::vector<MeshFace> found;
     const std::vector<Index> nodes = !member.name.empty() && lookup_.faces(member, home, found)
-                                         ? lookup_.mesh().nodes_of_faces(found)
+                                         ? nodes_of_sides(lookup_.mesh(), found)
                                          : lookup_.nodes(member, home);
     all.insert(all.end(), nodes.begin(), nodes.end());
     if (faces != nullptr) faces->insert(faces->end(), found.begin(), found.end());

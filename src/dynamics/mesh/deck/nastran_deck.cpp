@@ -38,7 +38,7 @@ class NastranDeckReader {
     for (const NastranCard& card : cards_) note(card);
     case_.spc = chosen(case_.spc, {"SPC", "SPC1", "SPCADD"});
     case_.mpc = chosen(case_.mpc, {"MPC", "MPCADD"});
-    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE", "LOAD"});
+    case_.load = chosen(case_.load, {"FORCE", "MOMENT", "PLOAD4", "PLOAD2", "PLOAD1", "GRAV", "RFORCE", "LOAD"});
     solution();
     const std::set<std::int64_t> spc = sum_of_sets("SPCADD", case_.spc), mpc = sum_of_sets("MPCADD", case_.mpc);
     for (const NastranCard& card : cards_)
@@ -141,8 +141,9 @@ class NastranDeckReader {
     if (n == "RBE3") return read_nastran_mean(card, systems_, deck_);
     if (n == "PARAM") return parameter(card);
     if (n == "MAT9" && !is_of_solids(card)) return;
-    static constexpr std::string_view kElsewhere[] = {"SPC",  "SPC1",   "SPCADD", "MPC",    "MPCADD", "FORCE", "MOMENT",
-                                                      "LOAD", "PLOAD4", "GRAV",   "RFORCE", "GRDSET", "GRID"};
+    static constexpr std::string_view kElsewhere[] = {"SPC",    "SPC1",   "SPCADD", "MPC",    "MPCADD",
+                                                      "FORCE",  "MOMENT", "LOAD",   "PLOAD4", "PLOAD2",
+                                                      "PLOAD1", "GRAV",   "RFORCE", "GRDSET", "GRID"};
     if (std::find(std::begin(kElsewhere), std::end(kElsewhere), n) != std::end(kElsewhere) || is_harmless_card(n))
       return;
     if (!is_load_not_read(n)) leave(DeckKind::others, n, place_of(card));

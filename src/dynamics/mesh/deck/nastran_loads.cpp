@@ -19,7 +19,7 @@ class NastranLoads {
   NastranLoads(const std::vector<NastranCard>& cards, const DeckPlace& place, NastranSystems& systems, Deck& deck)
       : cards_(cards), place_(place), systems_(systems), deck_(deck) {
     for (const NastranCard& card : cards)
-      for (const char* kind : {"LOAD", "FORCE", "MOMENT", "PLOAD4", "GRAV", "RFORCE"})
+      for (const char* kind : {"LOAD", "FORCE", "MOMENT", "PLOAD4", "PLOAD2", "PLOAD1", "GRAV", "RFORCE"})
         if (card.name == kind) load_cards_[card.integer(0, "set")].push_back(&card);
     for (Index e = 0; e < deck.mesh.element_count(); ++e) elements_.emplace(deck.mesh.element_label(e), e);
   }
@@ -54,6 +54,10 @@ class NastranLoads {
         deck_.body_loads.push_back({place_of(*card), "GRAV", {}, {factor * g[0], factor * g[1], factor * g[2]}});
       } else if (card->name == "RFORCE") {
         rotation(*card, factor);
+      } else if (card->name == "PLOAD1") {
+        line_load(*card, factor);
+      } else if (card->name == "PLOAD2") {
+        for (const Index e : shells(*card)) press(*card, e, factor * card->real(1, "pressure"));
       } else {
         pressure(*card, factor);
       }
@@ -103,19 +107,79 @@ class NastranLoads {
     }
   }
 
+  /// Along the normal of a shell, from its bottom.
+  void press(const NastranCard& card, Index element, double value) {
+    deck_.pressures.push_back({place_of(card), {element, kShellBottom}, value, -1, 0});
+  }
+
+  /// Elements of fields from 2 on: labels, and "1 THRU 9".
+  std::vector<Index> shells(const NastranCard& card) {
+    std::vector<Index> out;
+    const auto add = [&](std::int64_t label, bool needed) {
+      const auto found = elements_.find(label);
+      if (found == elements_.end() && !needed) return;
+      if (found == elements_.end() || shape_of(deck_.mesh.type(found->second)).dimension != 2)
+        return leave(DeckKind::dload, card.name + " on elements that are no shells", place_of(card));
+      out.push_back(found->second);
+    };
+    const bool range = upper(card.field(3)) == "THRU";
+    const std::int64_t first = card.integer(2, "element"), last = range ? card.integer(4, "element") : first;
+    if (range) {
+      for (const auto& [label, e] : elements_)
+        if (label >= first && label <= last) add(label, false);
+      return out;
+    }
+    for (std::size_t k = 2; k < card.fields.size(); ++k)
+      if (!card.field(k).empty()) add(card.integer(k, "element"), true);
+    return out;
+  }
+
+  /// SID EID TYPE SCALE X1 P1 X2 P2: even over all of a beam, along x, y, z.
+  void line_load(const NastranCard& card, double factor) {
+    const auto found = elements_.find(card.integer(1, "element"));
+    if (found == elements_.end() || shape_of(deck_.mesh.type(found->second)).dimension != 1)
+      return leave(DeckKind::dload, "PLOAD1 on elements that are no beams", place_of(card));
+    const std::string type = upper(card.field(2)), scale = upper(card.field(3));
+    const double first = card.real(5, "P1"), from = card.real(4, "X1", 0), last = card.real(7, "P2", first);
+    const auto nodes = deck_.mesh.element(found->second);
+    const auto at = [&](std::size_t a) { return deck_.mesh.nodes[static_cast<std::size_t>(nodes[a])]; };
+    double length = 0;
+    for (std::size_t d = 0; d < 3; ++d) length += (at(1)[d] - at(0)[d]) * (at(1)[d] - at(0)[d]);
+    length = std::sqrt(length);
+    constexpr double kWhole = 1e-6;
+    const double end = card.field(6).empty() ? from : card.real(6, "X2") / (scale == "FR" ? 1 : length);
+    const bool axis = type == "FX" || type == "FY" || type == "FZ";
+    if (!axis || (scale != "FR" && scale != "LE") || from != 0 || std::abs(end - 1) > kWhole || last != first)
+      return leave(DeckKind::dload, "PLOAD1 other than FX, FY, FZ, even over the whole length (LE, FR)",
+                   place_of(card));
+    DeckLineLoad out{place_of(card), found->second, -1, {}, -1, 0};
+    out.force[static_cast<std::size_t>(type[1] - 'X')] = factor * first;
+    deck_.line_loads.push_back(out);
+  }
+
   void pressure(const NastranCard& card, double factor) {
     const auto found = elements_.find(card.integer(1, "element"));
-    if (found == elements_.end())
-      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
+    if (found == elements_.end()) return leave(DeckKind::dload, "PLOAD4 on elements that are not read", place_of(card));
     const Index element = found->second;
     const double value = card.real(2, "pressure");
     for (const std::size_t k : {3U, 4U, 5U})
       if (!card.field(k).empty() && card.real(k, "pressure") != value)
         return leave(DeckKind::dload, "PLOAD4 with pressures that differ over the face", place_of(card));
+    const bool range = upper(card.field(6)) == "THRU";
     for (std::size_t k = 8; k < card.fields.size(); ++k)
       if (!card.field(k).empty()) return leave(DeckKind::dload, "PLOAD4 along a direction", place_of(card));
-    if (shape_of(deck_.mesh.type(element)).dimension < 3)
-      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids", place_of(card));
+    if (range) {
+      for (const auto& [label, e] : elements_) {
+        if (label < card.integer(1, "element") || label > card.integer(7, "element")) continue;
+        if (shape_of(deck_.mesh.type(e)).dimension != 2)
+          return leave(DeckKind::dload, "PLOAD4 on several elements that are no shells", place_of(card));
+        press(card, e, factor * value);
+      }
+      return;
+    }
+    if (shape_of(deck_.mesh.type(element)).dimension == 2) return press(card, element, factor * value);
+    if (shape_of(deck_.mesh.type(element)).dimension < 2)
+      return leave(DeckKind::dload, "PLOAD4 on elements that are no solids or shells", place_of(card));
     deck_.pressures.push_back({place_of(card), {element, face_of(card, element)}, factor * value, -1, 0});
   }
 
@@ -162,8 +226,8 @@ class NastranLoads {
 }  // namespace
 
 bool is_load_not_read(const std::string& name) {
-  static constexpr std::string_view kLoads[] = {"PLOAD",   "PLOAD1",  "PLOAD2", "TEMP",   "TEMPD", "FORCE1", "FORCE2",
-                                                "MOMENT1", "MOMENT2", "ACCEL",  "ACCEL1", "SPCD",  "DEFORM"};
+  static constexpr std::string_view kLoads[] = {"PLOAD",   "TEMP",  "TEMPD",  "FORCE1", "FORCE2", "MOMENT1",
+                                                "MOMENT2", "ACCEL", "ACCEL1", "SPCD",   "DEFORM"};
   return std::find(std::begin(kLoads), std::end(kLoads), name) != std::end(kLoads);
 }
 

@@ -34,7 +34,8 @@ constexpr MeshFormat kFormats[] = {
      "CTETRA, CHEXA, CPENTA of order 1 and 2, CPYRAM of order 1, also left-handed; CTRIA3, CTRIA6, CTRIAR, CQUAD4, "
      "CQUAD8, CQUADR; CBAR, CBEAM, CROD",
      "`property-N`; grid points held or loaded: `SPC-N`, `FORCE-N`",
-     "PSOLID and MAT1; CORD1R, CORD1C, CORD1S, CORD2R, CORD2C, CORD2S, GRDSET; INCLUDE; fields of 8, of 16 columns and "
+     "PSOLID, PSHELL, PCOMP and MAT1; CORD1R, CORD1C, CORD1S, CORD2R, CORD2C, CORD2S, GRDSET; INCLUDE; fields of 8, of "
+     "16 columns and "
      "between commas, continuation lines anywhere, cards repeated by `=`",
      "other cards: counted in a notice, or taken over by `take`", parse_nastran_deck},
     {".cdb", "Ansys (CDWRITE)", read_cdb,

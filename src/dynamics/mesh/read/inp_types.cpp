@@ -51,11 +51,11 @@ bool is_inp_solid_shell(const std::string& name) { return name.starts_with("CSS8
 
 bool is_idle_inp_keyword(const std::string& name) {
   static constexpr std::string_view kIdle[] = {
-      "*HEADING",      "*PREPRINT",          "*ASSEMBLY",    "*ENDASSEMBLY",   "*ENDPART",       "*ENDINSTANCE",
-      "*ENDSTEP",      "*RESTART",           "*OUTPUT",      "*NODEOUTPUT",    "*ELEMENTOUTPUT", "*NODEPRINT",
-      "*NODEFILE",     "*ELPRINT",           "*ELFILE",      "*CONTACTOUTPUT", "*ENERGYPRINT",   "*ENERGYFILE",
-      "*ENERGYOUTPUT", "*CONTACTPRINT",      "*CONTACTFILE", "*FILEFORMAT",    "*MONITOR",       "*SHELLSECTION",
-      "*BEAMSECTION",  "*BEAMGENERALSECTION"};  // read where shells and beams are made of the mesh
+      "*HEADING",           "*PREPRINT",     "*ASSEMBLY",    "*ENDASSEMBLY",   "*ENDPART",       "*ENDINSTANCE",
+      "*ENDSTEP",           "*RESTART",      "*OUTPUT",      "*NODEOUTPUT",    "*ELEMENTOUTPUT", "*NODEPRINT",
+      "*NODEFILE",          "*ELPRINT",      "*ELFILE",      "*CONTACTOUTPUT", "*ENERGYPRINT",   "*ENERGYFILE",
+      "*ENERGYOUTPUT",      "*CONTACTPRINT", "*CONTACTFILE", "*FILEFORMAT",    "*MONITOR",       "*NODALTHICKNESS",
+      "*BEAMGENERALSECTION"};  // read where shells and beams are made of the mesh
   return std::find(std::begin(kIdle), std::end(kIdle), name) != std::end(kIdle);
 }
 

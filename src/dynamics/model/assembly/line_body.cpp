@@ -82,7 +82,7 @@ class LineMaker {
       : spec_(spec), file_(file), statics_(statics), out_(out), is_beam_(std::holds_alternative<BeamSpec>(spec.shape)) {
     if (!file_exists(file.file.path))
       refuse(fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", file.file.path));
-    mesh_ = read_mesh(file.file.path);
+    mesh_ = mesh_of_file(file.file, spec.name);
     if (!file.section_given || !file.y_given) sections_ = read_line_sections(file.file.path, mesh_);
     choose();
   }

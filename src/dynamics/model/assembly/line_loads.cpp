@@ -79,26 +79,46 @@ std::vector<LoadedPoint> on_edges(const BuiltBody& body, const ShellSpec& shell,
   return out;
 }
 
-/// Two Gauss points of each element, which are exact for Hermite's cubics.
-std::vector<LoadedPoint> on_elements(const BuiltBody& body, const std::vector<LineElement>& elements) {
+/// Two Gauss points of each element, which are exact for Hermite's cubics; of elements in a row only between two shares
+/// of their number.
+std::vector<LoadedPoint> on_elements(const BuiltBody& body, const std::vector<LineElement>& elements,
+                                     double from_share = 0, double to_share = 1) {
   const Index each = body.flexible->vertices_per_node();
+  const auto count = static_cast<double>(elements.size());
   std::vector<LoadedPoint> out;
-  for (const LineElement& e : elements)
+  double before = 0;
+  for (const LineElement& e : elements) {
+    const double low = std::clamp(from_share * count - before, 0.0, 1.0),
+                 part = std::clamp(to_share * count - before, 0.0, 1.0) - low;
+    before += 1;
+    if (!(part > 0)) continue;
     for (const LinePoint& point : kGauss2) {
-      const Hermite h(point.xi, e.length);
+      const double xi = 2 * low - 1 + part * (1 + point.xi);
+      const Hermite h(xi, e.length);
       std::vector<FrameVertex> vertices;
       for (std::size_t k = 0; k < 2; ++k) {
         vertices.push_back({each * e.nodes[k], h.n[2 * k], Vec3::Zero()});
         vertices.push_back({each * e.nodes[k] + 1, h.n[2 * k + 1], Vec3::Zero()});
       }
       for (Index axis = 2; axis < each; ++axis) {  // of beams: the section's y and z
-        const std::array<double, 2> share = {0.5 * (1 - point.xi), 0.5 * (1 + point.xi)};
+        const std::array<double, 2> share = {0.5 * (1 - xi), 0.5 * (1 + xi)};
         Vec3 arm = Vec3::Zero();
         for (std::size_t k = 0; k < 2; ++k) arm += share[k] * reference_of(*body.flexible, each * e.nodes[k] + axis);
         for (std::size_t k = 0; k < 2; ++k) vertices.push_back({each * e.nodes[k] + axis, 0, share[k] * arm});
       }
-      out.push_back({frame_of(body, std::move(vertices)), 0.5 * point.weight * e.length});
+      out.push_back({frame_of(body, std::move(vertices)), 0.5 * point.weight * part * e.length});
     }
+  }
+  return out;
+}
+
+std::vector<LineElement> elements_of_set(const BuiltBody& body, const std::vector<LineElement>& all,
+                                         const std::string& set) {
+  const LineFile* file = line_file(body);
+  if (file == nullptr)
+    throw std::invalid_argument("'element_set' is of beams and cables of mesh files; say where by nodes");
+  std::vector<LineElement> out;
+  for (const Index e : file->mesh->element_set(set)) out.push_back(all[static_cast<std::size_t>(e)]);
   return out;
 }
 
@@ -108,7 +128,8 @@ bool names_nodes(const MarkerSpec& m) {
 
 }  // namespace
 
-std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const BuiltBody& body, const FrameBuilder& frames) {
+std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const std::string& element_set, const BuiltBody& body,
+                                        const FrameBuilder& frames) {
   std::vector<LineElement> elements = line_elements(body);
   const auto* shell = std::get_if<ShellSpec>(&body.spec.shape);
   if (elements.empty() && shell == nullptr)
@@ -116,10 +137,15 @@ std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const BuiltBody
         "'{}' is no shell, beam or cable, which loads per length act on; take a load, whose force is that of "
         "all nodes together",
         where.body));
+  if (!element_set.empty()) elements = elements_of_set(body, elements, element_set);
   if (!names_nodes(where)) {
     if (shell != nullptr)
       throw std::invalid_argument("say where: edge = \"x1\" of a grid, nodes = \"SET\" of a mesh file");
     return on_elements(body, elements);
+  }
+  if (where.along.size() == 2 && shell == nullptr && line_file(body) == nullptr) {
+    if (!(where.along[1] > where.along[0])) throw std::invalid_argument("no length lies between these shares");
+    return on_elements(body, elements, where.along[0], where.along[1]);
   }
   const std::vector<Index> nodes = frames.nodes_of(where, body);
   if (shell != nullptr) return on_edges(body, *shell, edges_between(*shell, nodes));

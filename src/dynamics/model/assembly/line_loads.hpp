@@ -10,8 +10,9 @@
 namespace espalier::dynamics::model {
 
 /// Points for integration, exact for even loads on straight elements. @param where  nodes of the line; of beams and
-/// cables none: all of it @throws std::invalid_argument where there is no line
-[[nodiscard]] std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const BuiltBody& body,
-                                                      const FrameBuilder& frames);
+/// cables none: all of it @param element_set  of beams and cables of files: these elements alone; empty: all
+/// @throws std::invalid_argument where there is no line
+[[nodiscard]] std::vector<LoadedPoint> points_of_line(const MarkerSpec& where, const std::string& element_set,
+                                                      const BuiltBody& body, const FrameBuilder& frames);
 
 }  // namespace espalier::dynamics::model

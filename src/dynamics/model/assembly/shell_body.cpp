@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numeric>
+#include <set>
 
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/names.hpp"
@@ -69,11 +69,11 @@ std::unique_ptr<FlexibleBody> make_grid(const BodySpec& spec, ShellSpec& s) {
 }
 
 /// The surface elements that the text chooses, alone.
-Mesh chosen_surfaces(const ShellSpec& s) {
+Mesh chosen_surfaces(const ShellSpec& s, const std::string& body) {
   if (!file_exists(s.file->path))
     throw Error(StatusCode::invalid_input,
                 fmt::format("there is no mesh file '{}'; paths are relative to the folder of the model", s.file->path));
-  Mesh mesh = read_mesh(s.file->path);
+  Mesh mesh = mesh_of_file(*s.file, body);
   for (Point& p : mesh.nodes)
     for (double& x : p) x *= s.file->scale;
   std::vector<Index> elements;
@@ -100,38 +100,44 @@ class Sections {
   Sections(const Mesh& mesh, const ShellSpec& s)
       : mesh_(mesh),
         spec_(s),
-        all_(needed(s) ? read_shell_sections(s.file->path) : std::vector<ShellSection>()),
+        all_(needed(s) ? read_shell_sections(s.file->path) : ShellSections()),
         of_(static_cast<std::size_t>(mesh.element_count()), -1) {
-    for (std::size_t k = 0; k < all_.size(); ++k) {
-      const auto found = find_named(mesh.element_sets, all_[k].set);
+    for (std::size_t k = 0; k < all_.list.size(); ++k) {
+      const auto found = find_named(mesh.element_sets, all_.list[k].set);
       if (found == mesh.element_sets.end()) continue;
       for (const Index e : found->second) of_[static_cast<std::size_t>(e)] = static_cast<int>(k);
     }
     for (Index e = 0; e < mesh.element_count(); ++e)
       if (const ShellSection* section = of(e); section != nullptr && !section->fault.empty())
         throw Error(StatusCode::invalid_input, section->fault);
+    for (std::size_t k = 0; k < all_.list.size(); ++k)
+      if (is_used(k) && !all_.list[k].layers.empty()) make_one_layer(all_.list[k]);
+    find_nodal_thickness();
   }
 
   [[nodiscard]] std::vector<std::string> notices() const {
     std::vector<std::string> out;
-    for (std::size_t k = 0; k < all_.size(); ++k)
-      if (!all_[k].notice.empty() && std::find(of_.begin(), of_.end(), static_cast<int>(k)) != of_.end())
-        out.push_back(all_[k].notice);
+    for (std::size_t k = 0; k < all_.list.size(); ++k)
+      if (!all_.list[k].notice.empty() && is_used(k)) out.push_back(all_.list[k].notice);
     return out;
   }
 
-  [[nodiscard]] std::vector<double> thickness() const {
-    std::vector<double> out;
+  /// At the corners of each element.
+  [[nodiscard]] std::vector<std::array<double, 4>> thickness() const {
+    std::vector<std::array<double, 4>> out;
     for (Index e = 0; e < mesh_.element_count(); ++e) {
-      const ShellSection* section = of(e);
-      out.push_back(spec_.thickness > 0  ? spec_.thickness
-                    : section == nullptr ? 0
-                                         : section->thickness * spec_.file->scale);
-      if (!(out.back() > 0))
-        throw Error(StatusCode::invalid_input,
-                    fmt::format("needs 'thickness': the mesh file states none for element {} (*SHELL SECTION of .inp, "
-                                "PSHELL of Nastran are read)",
-                                element_name(mesh_, e)));
+      std::array<double, 4>& at_corners = out.emplace_back();
+      const auto nodes = mesh_.element(e);
+      const auto corners = static_cast<std::size_t>(shape_of(mesh_.type(e)).corners);
+      for (std::size_t a = 0; a < corners; ++a) {
+        at_corners[a] = thickness_at(e, a, nodes[a]);
+        if (!(at_corners[a] > 0))
+          throw Error(StatusCode::invalid_input,
+                      fmt::format("needs 'thickness': the mesh file states none for element {}{} (*SHELL SECTION with "
+                                  "*NODAL THICKNESS of .inp, PSHELL and PCOMP of Nastran are read)",
+                                  element_name(mesh_, e),
+                                  of(e) != nullptr && of(e)->nodal ? " at node " + node_name(mesh_, nodes[a]) : ""));
+      }
     }
     return out;
   }
@@ -162,7 +168,9 @@ class Sections {
                     fmt::format("needs 'material': the mesh file states '{}' and '{}' for its elements", *name, own));
       name = own;
     }
-    for (const MeshMaterial& m : mesh_.materials)
+    std::vector<MeshMaterial> materials = layered_;
+    materials.insert(materials.end(), mesh_.materials.begin(), mesh_.materials.end());
+    for (const MeshMaterial& m : materials)
       if (name && same_word(m.name, *name) && m.young > 0 && (m.density > 0 || statics)) {
         Material result;
         result.young = m.young;
@@ -183,20 +191,73 @@ class Sections {
   static bool needed(const ShellSpec& s) { return s.material_of_file || !s.offset_given || !(s.thickness > 0); }
   [[nodiscard]] const ShellSection* of(Index e) const {
     const int k = of_[static_cast<std::size_t>(e)];
-    return k < 0 ? nullptr : &all_[static_cast<std::size_t>(k)];
+    return k < 0 ? nullptr : &all_.list[static_cast<std::size_t>(k)];
   }
+  [[nodiscard]] bool is_used(std::size_t k) const {
+    return std::find(of_.begin(), of_.end(), static_cast<int>(k)) != of_.end();
+  }
+
+  void make_one_layer(ShellSection& s) {
+    auto [thickness, material] = equivalent_layer(s, mesh_.materials);
+    const bool alike = std::all_of(s.layers.begin(), s.layers.end(),
+                                   [&](const ShellLayer& l) { return same_word(l.material, s.layers[0].material); });
+    if (!alike)
+      s.notice = fmt::format(
+          "{}: {} layers are one of the same stiffness in the plane and in bending, {:g} thick: displacements are "
+          "those "
+          "of the layers, stresses are not",
+          s.place, s.layers.size(), thickness);
+    s.material = alike ? s.layers[0].material : material.name;
+    if (alike) thickness = s.thickness;
+    s.offset *= s.thickness / thickness;
+    s.thickness = thickness;
+    if (!alike) layered_.push_back(std::move(material));
+  }
+
+  void find_nodal_thickness() {
+    if (all_.of_nodes.empty()) return;
+    nodal_.assign(mesh_.nodes.size(), 0.0);
+    for (const auto& [name, thickness] : all_.of_nodes) {
+      if (const auto set = find_named(mesh_.node_sets, name); set != mesh_.node_sets.end())
+        for (const Index n : set->second) nodal_[static_cast<std::size_t>(n)] = thickness;
+      else
+        for (std::size_t n = 0; n < nodal_.size(); ++n)
+          if (fmt::format("{}", mesh_.node_label(static_cast<Index>(n))) == name) nodal_[n] = thickness;
+    }
+  }
+
+  [[nodiscard]] double thickness_at(Index e, std::size_t corner, Index node) const {
+    const ShellSection* section = of(e);
+    if (spec_.thickness > 0) return spec_.thickness;
+    if (section == nullptr) return 0;
+    double own = section->thickness;
+    if (section->nodal) own = nodal_.empty() ? 0 : nodal_[static_cast<std::size_t>(node)];
+    if (const auto found = all_.corners.find(mesh_.element_label(e)); found != all_.corners.end())
+      if (const double t = found->second[corner]; t != 0) own = t > 0 ? t : -t * own;
+    return own * spec_.file->scale;
+  }
+
   const Mesh& mesh_;
   const ShellSpec& spec_;
-  std::vector<ShellSection> all_;
-  std::vector<int> of_;  // section of each element
+  ShellSections all_;
+  std::vector<int> of_;                // section of each element
+  std::vector<MeshMaterial> layered_;  // that stand for layers
+  std::vector<double> nodal_;          // thickness of nodes, 0: none; empty: the file states none
 };
 
 std::unique_ptr<FlexibleBody> make_of_file(const BodySpec& spec, ShellSpec& s, bool statics, BuiltBody& out) {
-  const Mesh surfaces = chosen_surfaces(s);
+  const Mesh surfaces = chosen_surfaces(s, spec.name);
   const Sections sections(surfaces, s);
-  const std::vector<double> thickness = sections.thickness();
+  const std::vector<std::array<double, 4>> thickness = sections.thickness();
   if (s.material_of_file) s.material = sections.material(statics, out.spec.massless);
-  const double mean = std::accumulate(thickness.begin(), thickness.end(), 0.0) / static_cast<double>(thickness.size());
+  double mean = 0, least = thickness.front().front(), most = least;
+  for (Index e = 0; e < surfaces.element_count(); ++e)
+    for (int a = 0, corners = shape_of(surfaces.type(e)).corners; a < corners; ++a) {
+      const double t = thickness[static_cast<std::size_t>(e)][static_cast<std::size_t>(a)];
+      mean += t / corners / static_cast<double>(thickness.size());
+      least = std::min(least, t);
+      most = std::max(most, t);
+    }
   ShellMesh made = make_shell_mesh(surfaces, thickness, s.offset_given ? s.offset / mean : sections.offset());
   if (made.turned > 0 && !s.offset_given && sections.offset() != 0)
     throw Error(
@@ -215,11 +276,10 @@ std::unique_ptr<FlexibleBody> make_of_file(const BodySpec& spec, ShellSpec& s, b
     out.notices.push_back(fmt::format(
         "the shell falls into {} pieces that share no node; where joints do not hold all of them, they move apart",
         pieces));
-  const auto [least, most] = std::minmax_element(thickness.begin(), thickness.end());
-  if (*least < *most)
+  if (least < most)
     out.notices.push_back(
-        fmt::format("thicknesses from {:g} to {:g} are those of elements; at a node the mean of its elements counts",
-                    *least, *most));
+        fmt::format("thicknesses from {:g} to {:g}: where elements state different ones at a node, their mean counts",
+                    least, most));
   return make_shell_body(spec.name, made.positions, made.directors, shell_quads(s), s.material, s.thickness);
 }
 
@@ -252,11 +312,11 @@ const std::vector<Index>& shell_nodes(const BuiltBody& body, const std::string& 
 PressedSide pressed_side(const ShellSpec& shell, const std::string& face) {
   const std::size_t blank = face.find_last_of(' ');
   const std::string side = blank == std::string::npos ? face : face.substr(blank + 1);
-  if (side != "top" && side != "bottom")
+  if (side != "top" && side != "bottom" && side != "middle")
     throw std::invalid_argument(
-        "the faces of a shell are 'top', where its normal (x cross y) points to, and 'bottom', or those of a set: "
-        "\"SET top\"");
-  PressedSide out{shell_quads(shell), (side == "top" ? 0.5 : -0.5) * shell.thickness};
+        "the faces of a shell are 'top', where its normal (x cross y) points to, 'bottom', and 'middle' (pressed from "
+        "the top), or those of a set: \"SET top\"");
+  PressedSide out{shell_quads(shell), (side == "middle" ? 0 : side == "top" ? 0.5 : -0.5) * shell.thickness};
   if (blank == std::string::npos) return out;
   const std::string set = face.substr(0, face.find_last_not_of(' ', blank) + 1);
   std::vector<std::array<Index, 4>> chosen;
@@ -284,6 +344,30 @@ HeldPoint shell_node(const BuiltBody& body, Index node) {
   const double* x = body.flexible->reference().data() + 6 * static_cast<std::size_t>(node);
   const Vec3 place(x[0] - shell.offset * x[3], x[1] - shell.offset * x[4], x[2] - shell.offset * x[5]);
   return {fmt::format("node {}", shell.mesh->node_label(node)), {{2 * node, 1}, {2 * node + 1, -shell.offset}}, place};
+}
+
+/// Of nodes without turns about the normal: with the edges that begin there, whose changes from node to node say how
+/// the surface turns within itself. A thousandth of the director's weight leaves all else to the director.
+std::unique_ptr<FlexibleFrame> shell_node_frame(const BuiltBody& body, Index node, const Mat3& axes) {
+  constexpr double kEdges = 1e-3;
+  const auto& shell = std::get<ShellSpec>(body.spec.shape);
+  const auto at = [&](Index vertex) {
+    return Vec3(Eigen::Map<const Vec3>(body.flexible->reference().data() + 3 * vertex));
+  };
+  const Vec3 director = at(2 * node + 1);
+  std::set<Index> neighbours;
+  for (const auto& quad : shell_quads(shell))
+    for (std::size_t a = 0; a < 4; ++a)
+      if (quad[a] == node) neighbours.insert({quad[(a + 1) % 4], quad[(a + 3) % 4]});
+  std::vector<FrameVertex> vertices = {{2 * node, 1, Vec3::Zero()}, {2 * node + 1, -shell.offset, director}};
+  for (const Index other : neighbours) {
+    const Vec3 edge = at(2 * other) - at(2 * node);
+    const Vec3 arm =
+        kEdges * director.squaredNorm() / edge.squaredNorm() / static_cast<double>(neighbours.size()) * edge;
+    vertices.front().arm -= arm;
+    vertices.push_back({2 * other, 0, arm});
+  }
+  return std::make_unique<FlexibleFrame>(*body.flexible, std::move(vertices), axes);
 }
 
 }  // namespace espalier::dynamics::model

@@ -25,11 +25,14 @@ struct PressedSide {
   std::vector<std::array<Index, 4>> quads;
   double height = 0;
 };
-/// @param face  "top", "bottom", or these behind the name of a set of elements or nodes: "SET top"
+/// @param face  "top", "bottom", "middle" (pressed as the top is), or these behind the name of a set of elements or
+/// nodes: "SET top"
 /// @throws std::invalid_argument that names what there is
 [[nodiscard]] PressedSide pressed_side(const ShellSpec& shell, const std::string& face);
 
 /// A node as the mesh has it, which lies beside the middle of the thickness where there is an offset.
 [[nodiscard]] HeldPoint shell_node(const BuiltBody& body, Index node);
+/// There, with axes that turn as the director does, and about it as the edges that begin there.
+[[nodiscard]] std::unique_ptr<FlexibleFrame> shell_node_frame(const BuiltBody& body, Index node, const Mat3& axes);
 
 }  // namespace espalier::dynamics::model

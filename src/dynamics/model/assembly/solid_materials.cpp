@@ -86,7 +86,7 @@ class MaterialSections {
 
 ElementMaterials solid_materials(const Mesh& mesh, const SolidSpec& solid, std::span<const Index> elements,
                                  bool statics, bool& massless) {
-  if (solid.material) return {{*solid.material}};
+  if (solid.material && solid.set_materials.empty()) return {{*solid.material}};
   std::vector<Index> all;
   if (elements.empty()) {
     all.resize(at(mesh.element_count()));
@@ -94,11 +94,31 @@ ElementMaterials solid_materials(const Mesh& mesh, const SolidSpec& solid, std::
     elements = all;
   }
   const MaterialSections sections(mesh);
-  if (sections.names().empty()) refuse_material("needs 'material': the mesh file states none");
+  MaterialsOfSets given(mesh);  // by the text
   ElementMaterials out;
+  for (const auto& [set, material] : solid.set_materials) {
+    const auto found = find_named(mesh.element_sets, set);
+    if (found == mesh.element_sets.end()) {
+      std::vector<std::string> names;
+      for (const auto& [name, list] : mesh.element_sets) names.push_back(name);
+      refuse_material(fmt::format("'materials': the mesh has no element set '{}'{}", set, suggestion(set, names)));
+    }
+    if (std::none_of(elements.begin(), elements.end(),
+                     [&](Index e) { return std::binary_search(found->second.begin(), found->second.end(), e); }))
+      refuse_material(fmt::format("'materials': no element of the body lies in the set '{}'", set));
+    given.give(set, found->second, static_cast<Index>(out.list.size()));
+    out.list.push_back(material);
+  }
+  if (sections.names().empty() && out.list.empty()) refuse_material("needs 'material': the mesh file states none");
+  const auto rest = static_cast<Index>(out.list.size());
+  if (solid.material) out.list.push_back(*solid.material);
   std::vector<Index> place(sections.names().size(), -1);  // of the sections' materials in the list
   out.of.assign(at(mesh.element_count()), 0);
   for (const Index e : elements) {
+    if (const Index of_text = given.material(e); of_text >= 0 || solid.material) {
+      out.of[at(e)] = of_text >= 0 ? of_text : rest;
+      continue;
+    }
     const Index own = sections.material(e);
     if (own < 0)
       refuse_material(

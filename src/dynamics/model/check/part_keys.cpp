@@ -31,7 +31,7 @@ std::span<const PartKeys> all_part_keys() {
        "gravity type mass position velocity"},
       {"bodies", "solid",
        "gravity type position rotation velocity angular_velocity damping reduce mesh element_set hex8 "
-       "reduced_hex20 material"},
+       "reduced_hex20 material materials"},
       {"bodies", "cable",
        "gravity type position rotation velocity angular_velocity damping reduce mesh radius start end "
        "elements axial bending mass_per_length element_set material"},
@@ -116,7 +116,8 @@ std::span<const PartKeys> all_part_keys() {
        "type a force moment factor follower active body element_set acceleration force_density "
        "angular_velocity point"},
       {"forces", "line-load",
-       "type body node near face nodes along edge radius bore force moment factor follower active"},
+       "type body element_set node near face nodes along edge radius bore force moment factor follower "
+       "active"},
       {"forces", "pressure",
        "type body face pressure active"},
       {"forces", "guide",
@@ -155,7 +156,7 @@ std::span<const PartKeys> all_part_keys() {
        "same_as body global point axis x_axis rotation attach node near face nodes weights along edge radius "
        "bore most_nodes"},
       {"supports", "",
-       "body node near face nodes along edge radius bore hold symmetry rotation motion"},
+       "body node near face nodes along edge radius bore hold rotations symmetry rotation motion"},
       {"equations", "",
        "body terms value stiffness damping"},
       {"ties", "",

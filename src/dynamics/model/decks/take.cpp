@@ -8,6 +8,7 @@
 #include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/taken.hpp"
+#include "dynamics/model/decks/values.hpp"
 #include "dynamics/model/section.hpp"
 
 namespace espalier::dynamics::model {
@@ -39,7 +40,7 @@ class DeckTaker {
            "does not go with 'take': loads and stiffnesses of the deck would stay as they are. Leave it "
            "out, and say at the top what the deck's units are: units = \"mm-t-s\"");
     if (body.find("element_set") != nullptr)
-      fail(body.find("element_set")->place, "does not go with 'take', which takes all solids of the deck");
+      fail(body.find("element_set")->place, "does not go with 'take', which takes all elements of the deck");
     const std::string file = s.text("file");
     const std::string path = file.starts_with('/') || folder_.empty() ? file : folder_ + "/" + file;
     Deck deck;
@@ -59,13 +60,42 @@ class DeckTaker {
                               mesh_is_no_model(path)));
     TakenDeck taken = take_deck(deck, choice, name);
     const ScopePtr scope = body.scope;
-    for (auto& [key, value] : taken.body_keys) add(body, key, std::move(value), scope);
+    add_bodies(body, taken, scope);
     for (auto& entry : taken.entries) add_named(entry, scope);
     for (auto& [key, value] : taken.run)
       if (!has_run || key == "output") add(root_, key, std::move(value), scope);
   }
 
  private:
+  /// What the elements are beside the body itself; it says what all of them have.
+  void add_bodies(Value& body, TakenDeck& taken, const ScopePtr& scope) {
+    if (taken.bodies.empty()) fail(body.place, fmt::format("{} has no elements that bodies are made of", "the deck"));
+    const ValueMaker maker({body.place.file, body.place.line}, "bodies");
+    const Value* stated = body.find("type");
+    if (stated != nullptr && stated->text != taken.bodies.front().type)
+      fail(stated->place, fmt::format("the first of the deck's bodies is a {}: leave 'type' out, which 'take' finds",
+                                      taken.bodies.front().type));
+    if (const Value* reduce = body.find("reduce"); reduce != nullptr && taken.bodies.size() > 1)
+      fail(reduce->place, "does not go with a deck that is several bodies: solids, shells of one section, beams, bars");
+    const Value common = body;
+    for (TakenDeck::Body& part : taken.bodies) {
+      const bool first = part.name == taken.bodies.front().name;
+      Value fresh = maker.table({});
+      Value& to = first ? body : fresh;
+      for (const char* key : {"gravity", "damping", "material", "position", "rotation", "velocity", "angular_velocity"})
+        if (const Value* value = common.find(key); value != nullptr && !first) to.entries.emplace_back(key, *value);
+      add(to, "type", maker.text(part.type), scope);
+      if (!part.element_set.empty()) add(to, "element_set", maker.text(part.element_set), scope);
+      for (auto& [key, value] : part.keys) add(to, key, std::move(value), scope);
+      if (first) continue;
+      Value mesh = *common.find("mesh");
+      mesh.entries.emplace_back("of", maker.text(taken.bodies.front().name));
+      to.entries.emplace_back("mesh", std::move(mesh));
+      TakenDeck::Entry entry{"bodies", part.name, std::move(fresh)};
+      add_named(entry, scope);
+    }
+  }
+
   static void add(Value& table, const std::string& key, Value value, const ScopePtr& scope) {
     if (table.find(key) != nullptr) return;
     give_scope(value, scope);
@@ -122,7 +152,7 @@ std::string read_model_text(const std::string& path) {
     if (c == '"' || c == '\\') file += '\\';
     file += c;
   }
-  return fmt::format("bodies.part = {{ type = \"solid\", mesh = {{ file = \"{}\", take = \"all\" }} }}\n", file);
+  return fmt::format("bodies.part = {{ mesh = {{ file = \"{}\", take = \"all\" }} }}\n", file);
 }
 
 }  // namespace espalier::dynamics::model

@@ -30,12 +30,14 @@ void add_word(DeckChoice& choice, const std::string& word, const Place& place) {
 
 TakenDeck Taker::run() {
   refuse_left();
+  bodies_ = make_deck_bodies(deck_, choice_.all, body_);
   find_roles();
   if (choice_.takes(DeckKind::masses)) masses();
   if (choice_.takes(DeckKind::boundary)) holds();
   if (choice_.takes(DeckKind::couplings)) couplings();
   if (choice_.takes(DeckKind::cload)) forces();
   if (choice_.takes(DeckKind::dload)) pressures();
+  if (choice_.takes(DeckKind::dload)) line_loads();
   body_loads();
   if (choice_.takes(DeckKind::springs)) springs(deck_.springs, "spring");
   if (choice_.takes(DeckKind::dashpots)) springs(deck_.dashpots, "dashpot");
@@ -43,7 +45,9 @@ TakenDeck Taker::run() {
   if (choice_.takes(DeckKind::ties)) ties();
   if (choice_.takes(DeckKind::connectors)) connectors();
   if (choice_.takes(DeckKind::step)) step();
+  join_bodies();
   formulations();
+  list_bodies();
   notices();
   return std::move(out_);
 }
@@ -81,7 +85,7 @@ void Taker::notices() {
   };
   count(DeckKind::boundary, deck_.holds.size(), "boundary");
   count(DeckKind::cload, deck_.forces.size(), "cload");
-  count(DeckKind::dload, deck_.pressures.size(), "dload");
+  count(DeckKind::dload, deck_.pressures.size() + deck_.line_loads.size(), "dload");
   const auto weights = static_cast<std::size_t>(std::count_if(deck_.body_loads.begin(), deck_.body_loads.end(),
                                                               [](const DeckBodyLoad& l) { return l.label == "GRAV"; }));
   count(DeckKind::gravity, weights, "gravity");
@@ -130,14 +134,30 @@ void Taker::step() {
 }
 
 void Taker::formulations() {
-  if (!choice_.all) return;
-  if (!deck_.hex8.empty()) out_.body_keys.emplace_back("hex8", maker_.text(deck_.hex8));
-  if (deck_.reduced_hex20) out_.body_keys.emplace_back("reduced_hex20", maker_.flag(true));
+  if (!choice_.all || bodies_.list.empty() || bodies_.list.front().type != "solid") return;
+  if (!deck_.hex8.empty()) body_keys_[body_].emplace_back("hex8", maker_.text(deck_.hex8));
+  if (deck_.reduced_hex20) body_keys_[body_].emplace_back("reduced_hex20", maker_.flag(true));
   if (!deck_.other_elements.empty())
     out_.notices.push_back(fmt::format(
         "{}: elements of types {} are not those of the deck's program: they are computed with hex8 = \"{}\" and "
         "reduced_hex20 = {}, where the body states no others; displacements differ as far as the mesh is coarse",
         deck_.mesh.name, deck_.other_elements, deck_.hex8.empty() ? "enhanced" : deck_.hex8, deck_.reduced_hex20));
+}
+
+void Taker::list_bodies() {
+  for (const DeckBody& body : bodies_.list) {
+    std::string set;
+    if (bodies_.list.size() > 1 || body.type != "solid") {
+      set = fmt::format("deck-elements-{}", body.name);
+      out_.element_sets[set] = body.elements;
+    }
+    out_.bodies.push_back({body.name, body.type, std::move(set), body_keys_[body.name]});
+  }
+  if (bodies_.list.size() < 2) return;
+  std::string list;
+  for (const DeckBody& body : bodies_.list)
+    list += fmt::format("{}{} ({}, {} elements)", list.empty() ? "" : ", ", body.name, body.type, body.elements.size());
+  out_.notices.push_back(fmt::format("{}: the deck is {} bodies: {}", deck_.mesh.name, bodies_.list.size(), list));
 }
 
 DeckChoice read_choice(const Value& take) {

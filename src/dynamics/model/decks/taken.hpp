@@ -27,9 +27,13 @@ struct TakenDeck {
     std::string section, name;
     Value value;
   };
+  struct Body {
+    std::string name, type, element_set;                ///< element_set: empty: all elements of its kind
+    std::vector<std::pair<std::string, Value>> keys{};  ///< where the text does not state them
+  };
+  std::vector<Body> bodies;  ///< that the elements become, the body itself first
   std::vector<Entry> entries;
-  std::vector<std::pair<std::string, Value>> body_keys;  ///< of the body, where it does not state them
-  std::vector<std::pair<std::string, Value>> run;        ///< sections of the run
+  std::vector<std::pair<std::string, Value>> run;  ///< sections of the run
   std::map<std::string, std::vector<Index>> node_sets, element_sets;
   std::map<std::string, std::vector<MeshFace>> face_sets;
   std::vector<std::string> notices;

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "dynamics/mesh/names.hpp"
+#include "dynamics/model/decks/deck_bodies.hpp"
 #include "dynamics/model/decks/taken.hpp"
 #include "dynamics/model/decks/values.hpp"
 
@@ -16,7 +17,7 @@ namespace espalier::dynamics::model {
 
 /// What a node of the deck is in the model.
 /// A mean place has no rotation.
-enum class NodeRole { solid, rigid_reference, mean_reference, mean_place, mass, alone };
+enum class NodeRole { element, rigid_reference, mean_reference, mean_place, mass, alone };
 
 class Taker {
  public:
@@ -34,9 +35,22 @@ class Taker {
   void find_roles_of(const DeckCoupling& c, int number);
   [[nodiscard]] std::string name(Index node) const { return node_name(deck_.mesh, node); }
   [[nodiscard]] const Point& at(Index node) const { return deck_.mesh.nodes[static_cast<std::size_t>(node)]; }
-  [[nodiscard]] bool turns(Index node) const {
+  [[nodiscard]] bool is_reference(Index node) const {
     return role(node) == NodeRole::rigid_reference || role(node) == NodeRole::mean_reference;
   }
+  /// The body that stands for a node of elements.
+  [[nodiscard]] const DeckBody& home(Index node) const {
+    return bodies_.list[static_cast<std::size_t>(bodies_.home[static_cast<std::size_t>(node)])];
+  }
+  [[nodiscard]] bool turns(Index node) const {
+    return is_reference(node) || (role(node) == NodeRole::element && is_thin(home(node)));
+  }
+  /// Nodes of beams and shells turn.
+  [[nodiscard]] static bool is_thin(const DeckBody& body) { return body.type == "beam" || body.type == "shell"; }
+  /// The body that has all these nodes. @throws Error where there is none
+  [[nodiscard]] const DeckBody& body_with(const std::vector<Index>& nodes, const DeckPlace& place) const;
+  void join_bodies();
+  void list_bodies();
   [[nodiscard]] NodeRole role(Index node) const { return roles_[static_cast<std::size_t>(node)]; }
   [[nodiscard]] ValueMaker maker(const DeckPlace& place, const std::string& section, const std::string& entry) const;
   std::string fresh_name(const char* what) { return fmt::format("{}_{}_{}", body_, what, ++numbers_[what]); }
@@ -61,8 +75,7 @@ class Taker {
     }
   };
   void holds();
-  void add_support(const std::string& directions, const std::array<double, 4>& quaternion,
-                   const std::vector<Index>& nodes, const Held& held);
+  void add_support(const std::array<double, 4>& quaternion, const std::vector<Index>& nodes, const Held& held);
   /// As an expression of time.
   std::string motion_of(const DeckHold& h);
   /// Of a curve, when the step ends.
@@ -86,13 +99,14 @@ class Taker {
   void add_force(const ValueMaker& m, const std::string& entry, Value a, const Point& force, const Point& moment,
                  int curve);
   void pressures();
+  void line_loads();
   /// Whether a load on volumes is taken, and acts in the step.
   [[nodiscard]] bool acts(const DeckBodyLoad& load) const;
   /// Of its curve, where the step ends; 1 in motions.
   [[nodiscard]] double factor_of(const DeckBodyLoad& load) const;
   void body_loads();
-  /// @param solids  all of them, rising
-  void add_body_load(const DeckBodyLoad& load, const std::vector<Index>& solids);
+  void body_loads_of(const DeckBody& body);
+  void add_body_load(const DeckBodyLoad& load, const DeckBody& body);
   /// Weight and centrifugal force of a mass at `place` that is called `entry`.
   void load_mass(const DeckMass& mass, const std::string& entry, const Point& place, Value& body);
   void springs(const std::vector<DeckSpring>& list, const char* what);
@@ -118,6 +132,8 @@ class Taker {
   std::string body_;
   ValueMaker maker_;
   TakenDeck out_;
+  DeckBodies bodies_;
+  std::map<std::string, std::vector<std::pair<std::string, Value>>> body_keys_;  // by the name of the body
   std::vector<NodeRole> roles_;
   std::map<Index, int> references_, rigid_nodes_;  // -> number of the coupling
   std::map<Index, std::string> mass_bodies_;

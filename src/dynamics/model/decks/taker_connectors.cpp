@@ -10,13 +10,13 @@ Value Taker::connector_end(const ValueMaker& m, Index node, const Point& point, 
     return frame;
   };
   if (node < 0 || is_ground(node)) return turned(m.table({{"body", m.text("ground")}, {"point", m.vector(point)}}));
-  if (turns(node))
+  if (is_reference(node))
     return turned(coupling_frame(m, deck_.couplings[static_cast<std::size_t>(references_.at(node))], point));
   if (point != at(node))
     fail(m.place(), fmt::format("node {} does not turn, and the connector joins it to another place: put the "
                                 "connector's nodes at one place, or on reference nodes of couplings",
                                 name(node)));
-  return frame(m, node);
+  return turns(node) ? turned(frame(m, node)) : frame(m, node);
 }
 
 void Taker::connectors() {

@@ -1,6 +1,8 @@
 // Springs, equations, ties and couplings of a deck.
 #include <cmath>
+#include <limits>
 
+#include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/model/decks/taker.hpp"
 
 namespace espalier::dynamics::model {
@@ -48,11 +50,11 @@ void Taker::springs(const std::vector<DeckSpring>& list, const char* what) {
 }
 
 void Taker::spring_between(const DeckSpring& s, const std::string& entry) {
-  if (role(s.a) != NodeRole::solid || role(s.b) != NodeRole::solid || s.direction > 2)
-    dynamics::fail(
-        s.place, fmt::format("the spring along {} between nodes {} and {} is not taken, since they are not both nodes "
-                             "of solids; springs along the line between them are (SPRINGA)",
-                             "xyz"[s.direction % 3], name(s.a), name(s.b)));
+  if (role(s.a) != NodeRole::element || role(s.b) != NodeRole::element || s.direction > 2)
+    dynamics::fail(s.place,
+                   fmt::format("the spring {} {} between nodes {} and {} is not taken: such springs are along x, y, z, "
+                               "between nodes of elements; springs along the line between two nodes are (SPRINGA)",
+                               s.direction > 2 ? "about" : "along", "xyz"[s.direction % 3], name(s.a), name(s.b)));
   const ValueMaker m = maker(s.place, "equations", entry);
   Value equation = terms(m, {{s.a, s.direction, -1}, {s.b, s.direction, 1}});
   if (s.stiffness != 0) equation.entries.emplace_back("stiffness", m.number(s.stiffness));
@@ -64,6 +66,7 @@ Value Taker::terms(const ValueMaker& m, const std::vector<DeckEquation::Term>& l
   std::vector<Value> items;
   for (const DeckEquation::Term& t : list) {
     Value item = m.table({});
+    if (home(t.node).name != body_) item.entries.emplace_back("body", m.text(home(t.node).name));
     name_node(m, t.node, item);
     item.entries.emplace_back("direction", m.text(std::string(1, "xyz"[t.direction])));
     item.entries.emplace_back("factor", m.number(t.factor));
@@ -86,12 +89,13 @@ void Taker::equations() {
                         name(t.node)));
       if (t.factor == 0) continue;
       if (role(t.node) == NodeRole::alone && grounded_.contains(t.node)) continue;
-      if (role(t.node) != NodeRole::solid || t.direction > 2)
+      if (role(t.node) != NodeRole::element || t.direction > 2)
         dynamics::fail(
             e.place,
-            fmt::format("the equation has {} of node {}, which belongs to no solid; equations of displacements of "
-                        "solids are taken",
-                        t.direction > 2 ? "a rotation" : "a displacement", name(t.node)));
+            fmt::format("the equation has {} of node {}{}; equations of displacements of nodes of elements are "
+                        "taken",
+                        t.direction > 2 ? "a rotation" : "a displacement", name(t.node),
+                        role(t.node) == NodeRole::element ? "" : ", which belongs to no element"));
       if (deck_.axes.contains(t.node))
         dynamics::fail(
             e.place, fmt::format("the equation has node {}, which has axes of its own (*TRANSFORM): that is not taken",
@@ -121,20 +125,57 @@ void Taker::equations() {
 }
 
 void Taker::ties() {
+  const auto body_of = [&](const MeshFace& f) { return bodies_.of_element[static_cast<std::size_t>(f.element)]; };
   for (const DeckTie& t : deck_.ties) {
-    const std::string entry = fresh_name("tie");
-    const ValueMaker m = maker(t.place, "ties", entry);
-    out_.face_sets["deck-" + entry] = t.faces;
-    Value tie = m.table({{"body", m.text(body_)},
-                         {"nodes", m.text(node_set("deck-" + entry, t.nodes))},
-                         {"to", m.table({{"body", m.text(body_)}, {"face", m.text("deck-" + entry)}})}});
-    if (t.tolerance > 0) tie.entries.emplace_back("tolerance", m.number(t.tolerance));
-    add("ties", entry, std::move(tie));
+    std::map<int, std::vector<MeshFace>> faces;  // by the body that they belong to
+    for (const MeshFace& f : t.faces)
+      if (body_of(f) >= 0) faces[body_of(f)].push_back(f);
+    // Each node to the body whose faces are nearest: as told by their corners, where there are several.
+    const auto distance = [&](Index node, const std::vector<MeshFace>& to) {
+      double least = std::numeric_limits<double>::infinity();
+      for (const MeshFace& f : to)
+        for (const Index n : deck_.mesh.element(f.element)) {
+          const Point d = difference_of(at(n), at(node));
+          least = std::min(least, dot_product(d, d));
+        }
+      return least;
+    };
+    std::map<std::pair<int, int>, std::vector<Index>> groups;
+    for (const Index n : t.nodes) {
+      if (role(n) != NodeRole::element)
+        dynamics::fail(t.place, fmt::format("*TIE: node {} belongs to no element that is taken", name(n)));
+      int to = faces.empty() ? -1 : faces.begin()->first;
+      for (const auto& [body, list] : faces)
+        if (faces.size() > 1 && distance(n, list) < distance(n, faces.at(to))) to = body;
+      groups[{bodies_.home[static_cast<std::size_t>(n)], to}].push_back(n);
+    }
+    for (const auto& [pair, nodes] : groups) {
+      if (pair.second < 0) dynamics::fail(t.place, "*TIE: its faces belong to no element that is taken");
+      const std::string entry = fresh_name("tie");
+      const ValueMaker m = maker(t.place, "ties", entry);
+      const DeckBody& to = bodies_.list[static_cast<std::size_t>(pair.second)];
+      Value target = m.table({{"body", m.text(to.name)}});
+      if (to.type == "solid") {
+        out_.face_sets["deck-" + entry] = faces.at(pair.second);
+        target.entries.emplace_back("face", m.text("deck-" + entry));
+      }
+      Value tie = m.table({{"body", m.text(bodies_.list[static_cast<std::size_t>(pair.first)].name)},
+                           {"nodes", m.text(node_set("deck-" + entry, nodes))},
+                           {"to", std::move(target)}});
+      if (t.tolerance > 0) tie.entries.emplace_back("tolerance", m.number(t.tolerance));
+      add("ties", entry, std::move(tie));
+    }
   }
 }
 
 Value Taker::coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Point& point) {
-  Value frame = m.table({{"body", m.text(body_)}});
+  const DeckBody& body = body_with(c.nodes, c.place);
+  const bool of_shells = std::any_of(c.faces.begin(), c.faces.end(), [&](const MeshFace& f) {
+    return shape_of(deck_.mesh.type(f.element)).dimension < 3;
+  });
+  if (!c.rigid && of_shells)
+    dynamics::fail(c.place, "a distributing coupling of a surface of shells is not taken: give it a surface of nodes");
+  Value frame = m.table({{"body", m.text(body.name)}});
   if (c.weights.empty()) {
     frame.entries.emplace_back("nodes", m.text(node_set("deck-" + coupling_name(c.reference), c.nodes)));
   } else {
@@ -165,8 +206,12 @@ void Taker::couplings() {
     const ValueMaker m = maker(c.place, "markers", entry);
     add("markers", entry, coupling_frame(m, c, at(c.reference)));
     outputs_.push_back(entry + ".position");
-    if (!c.notice.empty())
-      out_.notices.push_back(fmt::format("{}:{}: {}", c.place.file, c.place.line, c.notice));
+    if (role(c.reference) == NodeRole::element) {  // a node of a beam or shell
+      const ValueMaker j = maker(c.place, "joints", entry + "_weld");
+      add("joints", entry + "_weld",
+          j.table({{"type", j.text("fixed")}, {"a", j.text(entry)}, {"b", frame(j, c.reference)}}));
+    }
+    if (!c.notice.empty()) out_.notices.push_back(fmt::format("{}:{}: {}", c.place.file, c.place.line, c.notice));
     if (!c.rigid) continue;
     // What makes the nodes one piece where nothing else holds on to the reference node.
     const ValueMaker f = maker(c.place, "forces", entry + "_piece");

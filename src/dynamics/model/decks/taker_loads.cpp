@@ -1,7 +1,9 @@
 // Loads of a deck.
 #include <cmath>
 #include <optional>
+#include <tuple>
 
+#include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/model/decks/taker.hpp"
 
 namespace espalier::dynamics::model {
@@ -21,21 +23,22 @@ void Taker::forces() {
     else
       sum[d] += value;
   }
-  std::map<std::pair<Point, int>, std::pair<std::vector<Index>, DeckPlace>> groups;  // of nodes of solids
+  // Of nodes of elements: by force, curve, body.
+  std::map<std::tuple<Point, int, std::string>, std::pair<std::vector<Index>, DeckPlace>> groups;
   for (const auto& [key, load] : loads) {
     const auto& [node, curve] = key;
     if (role(node) == NodeRole::alone) {
       if (grounded_.contains(node)) continue;  // the ground bears it
-      dynamics::fail(load.place,
-                     fmt::format("the load acts on node {}, which belongs to no solid, mass or coupling", name(node)));
+      dynamics::fail(load.place, fmt::format("the load acts on node {}, which belongs to no element, mass or coupling",
+                                             name(node)));
     }
     if (load.moment != Point{} && !turns(node))
       dynamics::fail(load.place,
                      fmt::format("a moment acts on node {}, which does not turn; put it on the reference node of a "
                                  "coupling",
                                  name(node)));
-    if (role(node) == NodeRole::solid) {
-      auto& group = groups[{load.force, curve}];
+    if (role(node) == NodeRole::element && load.moment == Point{}) {
+      auto& group = groups[{load.force, curve, home(node).name}];
       if (group.first.empty()) group.second = load.place;
       group.first.push_back(node);
     } else {
@@ -45,10 +48,15 @@ void Taker::forces() {
   for (const auto& [key, group] : groups) {
     const std::string entry = fresh_name("force");
     const ValueMaker m = maker(group.second, "forces", entry);
-    Point sum = key.first;
+    const auto& [force, curve, body] = key;
+    Point sum = force;
     for (double& x : sum) x *= static_cast<double>(group.first.size());  // the frame spreads it evenly
-    Value a = m.table({{"body", m.text(body_)}, {"nodes", m.text(node_set("deck-" + entry, group.first))}});
-    add_force(m, entry, std::move(a), sum, Point{}, key.second);
+    Value a = m.table({{"body", m.text(body)}});
+    if (group.first.size() == 1)
+      name_node(m, group.first.front(), a);
+    else
+      a.entries.emplace_back("nodes", m.text(node_set("deck-" + entry, group.first)));
+    add_force(m, entry, std::move(a), sum, Point{}, curve);
   }
 }
 
@@ -69,24 +77,73 @@ void Taker::add_force(const ValueMaker& m, const std::string& entry, Value a, co
 void Taker::pressures() {
   if (deck_.step.kind == DeckStep::Kind::modes && choice_.takes(DeckKind::step)) return;
   const bool motion = deck_.step.kind == DeckStep::Kind::motion;
-  std::map<std::pair<double, int>, std::pair<std::vector<MeshFace>, DeckPlace>> groups;
+  std::map<std::tuple<int, double, int>, std::pair<std::vector<MeshFace>, DeckPlace>> groups;
   for (const DeckPressure& p : deck_.pressures) {
-    const double value = p.value * (p.curve >= 0 && !motion ? at_end(p.curve) : 1);
-    auto& group = groups[{value, motion ? p.curve : -1}];
+    const auto e = static_cast<std::size_t>(p.face.element);
+    const int body = bodies_.of_element[e];
+    if (body < 0) dynamics::fail(p.place, "the pressure acts on elements that are not taken");
+    double value = p.value * (p.curve >= 0 && !motion ? at_end(p.curve) : 1);
+    // Shells are pressed from the top of ours, whose normal may be turned.
+    if (bodies_.list[static_cast<std::size_t>(body)].type == "shell" &&
+        (p.face.face == kShellBottom) != (bodies_.turned[e] != 0))
+      value = -value;
+    auto& group = groups[{body, value, motion ? p.curve : -1}];
     if (group.first.empty()) group.second = p.place;
     group.first.push_back(p.face);
   }
   for (const auto& [key, group] : groups) {
+    const auto& [body, value, curve] = key;
+    const DeckBody& on = bodies_.list[static_cast<std::size_t>(body)];
     const std::string entry = fresh_name("pressure");
     const ValueMaker m = maker(group.second, "forces", entry);
-    out_.face_sets["deck-" + entry] = group.first;
-    Value value =
-        key.second >= 0 ? m.text(fmt::format("{}*{}(t)", key.first, spline(key.second))) : m.number(key.first);
+    std::string face = "deck-" + entry;
+    if (on.type == "shell") {
+      for (const MeshFace& f : group.first) out_.element_sets[face].push_back(f.element);
+      face += " middle";
+    } else {
+      out_.face_sets[face] = group.first;
+    }
     add("forces", entry,
         m.table({{"type", m.text("pressure")},
-                 {"body", m.text(body_)},
-                 {"face", m.text("deck-" + entry)},
-                 {"pressure", std::move(value)}}));
+                 {"body", m.text(on.name)},
+                 {"face", m.text(face)},
+                 {"pressure", curve >= 0 ? m.text(fmt::format("{}*{}(t)", value, spline(curve))) : m.number(value)}}));
+  }
+}
+
+void Taker::line_loads() {
+  if (deck_.step.kind == DeckStep::Kind::modes && choice_.takes(DeckKind::step)) return;
+  const bool motion = deck_.step.kind == DeckStep::Kind::motion;
+  std::map<std::tuple<int, bool, Point, int>, std::pair<std::vector<Index>, DeckPlace>> groups;
+  for (const DeckLineLoad& l : deck_.line_loads) {
+    const int body = bodies_.of_element[static_cast<std::size_t>(l.element)];
+    if (body < 0) dynamics::fail(l.place, "the load acts on elements that are not taken");
+    const bool edge = l.edge >= 0;
+    const Point force = scaled_by(l.curve >= 0 && !motion ? at_end(l.curve) : 1, l.force);
+    auto& group = groups[{body, edge, force, motion ? l.curve : -1}];
+    if (group.first.empty()) group.second = l.place;
+    if (!edge) {
+      group.first.push_back(l.element);
+      continue;
+    }
+    const auto nodes = deck_.mesh.element(l.element);
+    const auto corners = static_cast<std::size_t>(shape_of(deck_.mesh.type(l.element)).corners),
+               a = static_cast<std::size_t>(l.edge);
+    group.first.insert(group.first.end(), {nodes[a], nodes[(a + 1) % corners]});
+    if (nodes.size() > corners) group.first.push_back(nodes[corners + a]);
+  }
+  for (auto& [key, group] : groups) {
+    const auto& [body, edge, force, curve] = key;
+    const std::string entry = fresh_name("line_load");
+    const ValueMaker m = maker(group.second, "forces", entry);
+    Value load =
+        m.table({{"type", m.text("line-load")}, {"body", m.text(bodies_.list[static_cast<std::size_t>(body)].name)}});
+    sort_unique(group.first);
+    load.entries.emplace_back(edge ? "nodes" : "element_set", m.text("deck-" + entry));
+    (edge ? out_.node_sets : out_.element_sets)["deck-" + entry] = group.first;
+    load.entries.emplace_back("force", m.vector(force));
+    if (curve >= 0) load.entries.emplace_back("factor", m.text(spline(curve) + "(t)"));
+    add("forces", entry, std::move(load));
   }
 }
 
@@ -100,45 +157,55 @@ double Taker::factor_of(const DeckBodyLoad& load) const {
 }
 
 void Taker::body_loads() {
-  std::vector<Index> solids;
-  for (Index e = 0; e < deck_.mesh.element_count(); ++e)
-    if (shape_of(deck_.mesh.type(e)).dimension == 3) solids.push_back(e);
+  for (const DeckBody& body : bodies_.list) body_loads_of(body);
+}
+
+void Taker::body_loads_of(const DeckBody& body) {
+  const std::vector<Index>& own = body.elements;
   const bool motion = deck_.step.kind == DeckStep::Kind::motion;
-  // What weighs all solids alike is the gravity of the body.
+  // What weighs all elements alike is the gravity of the body.
   std::optional<Point> weight;
   bool alike = true;
   std::map<Index, const DeckBodyLoad*> spins;
   for (const DeckBodyLoad& load : deck_.body_loads) {
     if (!acts(load)) continue;
     if (load.label == "CENTRIF")
-      for (const Index e : load.set.empty() ? solids : load.elements)
+      for (const Index e : load.set.empty() ? own : load.elements)
         if (const auto [known, fresh] = spins.emplace(e, &load); !fresh)
           dynamics::fail(load.place, fmt::format("element {} turns by this CENTRIF and by that of line {}",
                                                  element_name(deck_.mesh, e), known->second->place.line));
     if (load.label != "GRAV") continue;
+    const auto is_own = [&](Index e) { return std::binary_search(own.begin(), own.end(), e); };
     const bool all =
-        load.set.empty() || std::includes(load.elements.begin(), load.elements.end(), solids.begin(), solids.end());
-    const bool none = !load.set.empty() && load.elements.empty();  // of masses alone
+        load.set.empty() || std::includes(load.elements.begin(), load.elements.end(), own.begin(), own.end());
+    const bool none = !load.set.empty() && std::none_of(load.elements.begin(), load.elements.end(), is_own);
     alike = alike && (all || none) && !(motion && load.curve >= 0);
     if (none) continue;
     if (!weight) weight = Point{};
     for (std::size_t d = 0; d < 3; ++d) (*weight)[d] += factor_of(load) * load.acceleration[d];
   }
   for (const DeckBodyLoad& load : deck_.body_loads)
-    if (acts(load) && !(alike && load.label == "GRAV")) add_body_load(load, solids);
+    if (acts(load) && !(alike && load.label == "GRAV")) add_body_load(load, body);
   if (!weight || !alike) return;
-  const ValueMaker m(deck_.body_loads.front().place, fmt::format("bodies.{}.gravity", body_));
-  out_.body_keys.emplace_back("gravity", m.vector(*weight));
+  const ValueMaker m(deck_.body_loads.front().place, fmt::format("bodies.{}.gravity", body.name));
+  body_keys_[body.name].emplace_back("gravity", m.vector(*weight));
 }
 
-void Taker::add_body_load(const DeckBodyLoad& load, const std::vector<Index>& solids) {
+void Taker::add_body_load(const DeckBodyLoad& load, const DeckBody& body) {
   std::vector<Index> elements = load.elements;
-  std::erase_if(elements, [&](Index e) { return !std::binary_search(solids.begin(), solids.end(), e); });
+  std::erase_if(elements, [&](Index e) { return !std::binary_search(body.elements.begin(), body.elements.end(), e); });
   if (!load.set.empty() && elements.empty()) return;
+  const bool solid = body.type == "solid", whole = load.set.empty() || (!solid && elements == body.elements);
+  if (!solid && (!whole || load.per_volume != Point{}))
+    dynamics::fail(load.place,
+                   fmt::format("*DLOAD {} acts on {}, which is no solid: there gravity and centrifugal forces act on "
+                               "all elements of one section or kind; give the others a section of their own, or take "
+                               "forces per area and length",
+                               load.label, whole ? body.name : "some elements of " + body.name));
   const std::string entry = fresh_name("body_load");
   const ValueMaker m = maker(load.place, "forces", entry);
-  Value value = m.table({{"type", m.text("load")}, {"body", m.text(body_)}});
-  if (!load.set.empty()) {
+  Value value = m.table({{"type", m.text("load")}, {"body", m.text(body.name)}});
+  if (!whole) {
     out_.element_sets["deck-" + entry] = elements;
     value.entries.emplace_back("element_set", m.text("deck-" + entry));
   }

@@ -6,9 +6,8 @@ namespace espalier::dynamics::model {
 void Taker::find_roles() {
   roles_.assign(deck_.mesh.nodes.size(), NodeRole::alone);
   const auto role = [&](Index n) -> NodeRole& { return roles_[static_cast<std::size_t>(n)]; };
-  for (Index e = 0; e < deck_.mesh.element_count(); ++e)
-    if (shape_of(deck_.mesh.type(e)).dimension == 3)
-      for (const Index n : deck_.mesh.element(e)) role(n) = NodeRole::solid;
+  for (std::size_t n = 0; n < roles_.size(); ++n)
+    if (bodies_.home[n] >= 0) roles_[n] = NodeRole::element;
   std::set<std::int64_t> labels;
   for (const std::int64_t label : deck_.mesh.node_labels)
     if (!labels.insert(label).second) unique_labels_ = false;  // of several instances
@@ -26,9 +25,10 @@ void Taker::find_roles() {
 
 void Taker::find_roles_of(const DeckCoupling& c, int number) {
   for (const Index n : c.nodes) {
-    if (roles_[static_cast<std::size_t>(n)] != NodeRole::solid)
-      dynamics::fail(c.place,
-                     fmt::format("the coupling holds node {}, which belongs to no solid; leave it out", name(n)));
+    if (roles_[static_cast<std::size_t>(n)] != NodeRole::element)
+      dynamics::fail(
+          c.place,
+          fmt::format("the coupling holds node {}, which belongs to no element that is taken; leave it out", name(n)));
     if (!c.rigid) continue;
     if (const auto [known, fresh] = rigid_nodes_.emplace(n, number); !fresh)
       dynamics::fail(c.place,
@@ -37,12 +37,14 @@ void Taker::find_roles_of(const DeckCoupling& c, int number) {
                                  name(n), deck_.couplings[static_cast<std::size_t>(known->second)].place.line));
   }
   NodeRole& role = roles_[static_cast<std::size_t>(c.reference)];
-  if (role == NodeRole::solid)
+  const bool thin = role == NodeRole::element && is_thin(home(c.reference));
+  if (role == NodeRole::element && !(thin && c.turns))
     dynamics::fail(c.place,
                    fmt::format("the reference node {} belongs to a solid itself; give the coupling one of its own",
                                name(c.reference)));
   if (!references_.emplace(c.reference, number).second)
     dynamics::fail(c.place, fmt::format("the reference node {} is that of another coupling, too", name(c.reference)));
+  if (thin) return;
   role = c.rigid ? NodeRole::rigid_reference : c.turns ? NodeRole::mean_reference : NodeRole::mean_place;
 }
 
@@ -74,8 +76,8 @@ std::string Taker::coupling_name(Index reference) const {
 
 Value Taker::frame(const ValueMaker& m, Index node) {
   switch (role(node)) {
-    case NodeRole::solid: {
-      Value frame = m.table({{"body", m.text(body_)}});
+    case NodeRole::element: {
+      Value frame = m.table({{"body", m.text(home(node).name)}});
       name_node(m, node, frame);
       return frame;
     }
@@ -98,6 +100,66 @@ void Taker::refuse_alone(const ValueMaker& m, Index node) const {
                               name(node)));
 }
 
+const DeckBody& Taker::body_with(const std::vector<Index>& nodes, const DeckPlace& place) const {
+  const auto has_all = [&](int body) {
+    return std::all_of(nodes.begin(), nodes.end(), [&](Index n) {
+      const int own = bodies_.home[static_cast<std::size_t>(n)];
+      const auto shared = bodies_.shared.find({body, own});
+      return own == body || (shared != bodies_.shared.end() &&
+                             std::find(shared->second.begin(), shared->second.end(), n) != shared->second.end());
+    });
+  };
+  for (std::size_t b = 0; b < bodies_.list.size(); ++b)
+    if (has_all(static_cast<int>(b))) return bodies_.list[b];
+  dynamics::fail(place, fmt::format("its nodes belong to several bodies, {} and others: solids, shells of one section, "
+                                    "beams; make one for each of them",
+                                    home(nodes.front()).name));
+}
+
+void Taker::join_bodies() {
+  for (const auto& [pair, nodes] : bodies_.shared) {
+    const DeckBody &own = bodies_.list[static_cast<std::size_t>(pair.first)],
+                   &to = bodies_.list[static_cast<std::size_t>(pair.second)];
+    std::vector<Index> tied = nodes;
+    if (own.type == "shell" && to.type == "beam") {
+      // Beams along the shell turn with it by their own nodes; one that stands on it would spin about the normal.
+      std::set<Index> along, of_shell;
+      for (const Index e : own.elements)
+        for (const Index n : deck_.mesh.element(e)) of_shell.insert(n);
+      for (const Index e : to.elements) {
+        const auto line = deck_.mesh.element(e);
+        const auto on_shell = [&](Index n) { return of_shell.contains(n); };
+        if (std::all_of(line.begin(), line.end(), on_shell)) along.insert(line.begin(), line.end());
+      }
+      std::erase_if(tied, [&](Index n) { return !along.contains(n); });
+      for (const Index n : nodes) {
+        if (along.contains(n)) continue;
+        const std::string entry = fresh_name("weld");
+        const ValueMaker m = maker({deck_.mesh.name, 0}, "joints", entry);
+        Value a = m.table({{"body", m.text(own.name)}}), b = m.table({{"body", m.text(to.name)}});
+        name_node(m, n, a);
+        name_node(m, n, b);
+        add("joints", entry, m.table({{"type", m.text("fixed")}, {"a", std::move(a)}, {"b", std::move(b)}}));
+      }
+    }
+    if (tied.empty()) continue;
+    const std::string entry = fresh_name("seam");
+    const ValueMaker m = maker({deck_.mesh.name, 0}, "ties", entry);
+    Point low = at(tied.front()), high = low;
+    for (const Point& p : deck_.mesh.nodes)
+      for (std::size_t d = 0; d < 3; ++d) {
+        low[d] = std::min(low[d], p[d]);
+        high[d] = std::max(high[d], p[d]);
+      }
+    const double size = high[0] - low[0] + high[1] - low[1] + high[2] - low[2];
+    add("ties", entry,
+        m.table({{"body", m.text(own.name)},
+                 {"nodes", m.text(node_set("deck-" + entry, tied))},
+                 {"to", m.table({{"body", m.text(to.name)}})},
+                 {"tolerance", m.number(size)}}));  // they are one node in the deck, with offsets beside it
+  }
+}
+
 void Taker::masses() {
   for (const DeckMass& mass : deck_.masses) {
     const bool turns = std::any_of(mass.inertia.begin(), mass.inertia.end(), [](double x) { return x != 0; });
@@ -106,7 +168,7 @@ void Taker::masses() {
     Point place = at(mass.node);
     for (std::size_t d = 0; d < 3; ++d) place[d] += mass.offset[d];
     const bool rigid = turns || mass.offset != Point{};
-    if (rigid && role(mass.node) != NodeRole::rigid_reference)
+    if (rigid && role(mass.node) != NodeRole::rigid_reference && !(this->turns(mass.node) && !is_reference(mass.node)))
       dynamics::fail(mass.place,
                      fmt::format("the mass of node {} has an offset or moments of inertia, and the node does not "
                                  "turn; put it on the reference node of a rigid coupling",

@@ -32,14 +32,14 @@ void Taker::holds() {
   std::map<Index, Held> all;
   for (const DeckHold& h : deck_.holds) all[h.node].by[static_cast<std::size_t>(h.direction)] = &h;
   // Nodes that are held alike make one support.
-  using Key = std::tuple<std::string, std::string, std::array<double, 4>>;
+  using Key = std::tuple<std::string, std::string, std::array<double, 4>, std::string>;
   std::map<Key, std::pair<std::vector<Index>, Held>> groups;
   std::vector<Key> order;
   for (const auto& [node, held] : all) {
     if (role(node) == NodeRole::alone) continue;  // see find_roles()
     const DeckPlace& place =
         (*std::find_if(held.by.begin(), held.by.end(), [](const auto* h) { return h != nullptr; }))->place;
-    if (turns(node)) {
+    if (is_reference(node)) {
       hold_reference(node, held, place);
     } else if (role(node) == NodeRole::mass || role(node) == NodeRole::mean_place) {
       hold_place(node, held);
@@ -48,33 +48,46 @@ void Taker::holds() {
         dynamics::fail(
             place, fmt::format("node {} is held, and follows the rigid coupling of line {}; hold its reference node",
                                name(node), deck_.couplings[static_cast<std::size_t>(rigid->second)].place.line));
-      for (std::size_t d = 3; d < 6; ++d) turned_ += held.by[d] != nullptr ? 1 : 0;
-      if (!held.any(0, 3)) continue;
+      for (std::size_t d = 3; d < 6 && !turns(node); ++d) turned_ += held.by[d] != nullptr ? 1 : 0;
+      if (!held.any(0, turns(node) ? 6 : 3)) continue;
       std::string directions, motions;
-      for (std::size_t d = 0; d < 3; ++d) {
+      for (std::size_t d = 0; d < (turns(node) ? 6U : 3U); ++d) {
         if (held.by[d] == nullptr) continue;
-        directions += "xyz"[d];
-        if (held.by[d]->value != 0) motions += fmt::format("{}={};", "xyz"[d], motion_of(*held.by[d]));
+        directions += "xyzXYZ"[d];
+        if (held.by[d]->value == 0) continue;
+        motions += fmt::format("{}={};", "xyz"[d % 3], motion_of(*held.by[d]));
+        if (d > 2)
+          dynamics::fail(held.by[d]->place,
+                         fmt::format("node {} is turned by {:g}: rotations of nodes that move are not taken; lead the "
+                                     "displacements of two nodes, or put a moment there",
+                                     name(node), held.by[d]->value));
       }
       const auto axes = deck_.axes.find(node);
       const Key key(directions, motions,
-                    axes == deck_.axes.end() ? std::array<double, 4>{1, 0, 0, 0} : quaternion_of(axes->second));
+                    axes == deck_.axes.end() ? std::array<double, 4>{1, 0, 0, 0} : quaternion_of(axes->second),
+                    home(node).name);
       auto [group, fresh] = groups.try_emplace(key, std::vector<Index>(), held);
       if (fresh) order.push_back(key);
       group->second.first.push_back(node);
     }
   }
-  for (const Key& key : order)
-    add_support(std::get<0>(key), std::get<2>(key), groups.at(key).first, groups.at(key).second);
+  for (const Key& key : order) add_support(std::get<2>(key), groups.at(key).first, groups.at(key).second);
 }
 
-void Taker::add_support(const std::string& directions, const std::array<double, 4>& quaternion,
-                        const std::vector<Index>& nodes, const Held& held) {
+void Taker::add_support(const std::array<double, 4>& quaternion, const std::vector<Index>& nodes, const Held& held) {
   const std::string entry = fresh_name("hold");
   const DeckHold& first = **std::find_if(held.by.begin(), held.by.end(), [](const auto* h) { return h != nullptr; });
   const ValueMaker m = maker(first.place, "supports", entry);
-  Value support = m.table(
-      {{"body", m.text(body_)}, {"nodes", m.text(node_set("deck-" + entry, nodes))}, {"hold", m.text(directions)}});
+  std::string directions, rotations;
+  for (std::size_t d = 0; d < 3; ++d) {
+    if (held.by[d] != nullptr) directions += "xyz"[d];
+    if (held.by[3 + d] != nullptr && turns(nodes.front())) rotations += "xyz"[d];
+  }
+  const bool clamped = directions.size() + rotations.size() == 6 && !held.moved();
+  Value support =
+      m.table({{"body", m.text(home(nodes.front()).name)}, {"nodes", m.text(node_set("deck-" + entry, nodes))}});
+  if (!directions.empty()) support.entries.emplace_back("hold", m.text(clamped ? "all" : directions));
+  if (!rotations.empty() && !clamped) support.entries.emplace_back("rotations", m.text(rotations));
   if (held.moved()) {
     Value motion = m.table({});
     for (std::size_t d = 0; d < 3; ++d)

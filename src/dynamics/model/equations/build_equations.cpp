@@ -1,25 +1,37 @@
-// Linear equations between nodes of solids.
+// Linear equations between nodes of flexible bodies.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 
 #include "dynamics/joints/node_equations.hpp"
+#include "dynamics/model/assembly/shell_body.hpp"
 #include "dynamics/model/builders.hpp"
+#include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
 
-/// @throws Error where it is no solid with single nodes
-const BuiltBody& solid_of(const std::string& name, const Place& place, const FrameBuilder& frames,
-                          const Mechanism& out) {
+/// @throws Error where it has no single nodes
+const BuiltBody& body_with_nodes(const std::string& name, const Place& place, const FrameBuilder& frames,
+                                 const Mechanism& out) {
   const BuiltBody* body = out.body(name);
   if (body == nullptr) frames.unknown_body(name, place);
   if (body->reduced != nullptr)
     fail(place, fmt::format("'{}' is reduced, and has no single nodes: take no 'reduce'", name));
-  if (body->flexible == nullptr || !body->mesh)
-    fail(place, fmt::format("'{}' is no solid; equations are between nodes of solids", name));
+  if (body->flexible == nullptr)
+    fail(place, fmt::format("'{}' has no nodes; equations are between those of flexible bodies", name));
   return *body;
+}
+
+/// A node's place, which may be beside the middle of a shell's thickness.
+std::vector<std::pair<Index, double>> place_of_node(const BuiltBody& body, Index node) {
+  if (std::holds_alternative<ShellSpec>(body.spec.shape)) {
+    std::vector<std::pair<Index, double>> parts = shell_node(body, node).parts;
+    std::erase_if(parts, [](const auto& part) { return part.second == 0; });
+    return parts;
+  }
+  return {{body.flexible->vertices_per_node() * node, 1}};
 }
 
 Vec3 place_at_start(const FrameBuilder& frames, const FlexibleBody& body, Index vertex) {
@@ -49,15 +61,18 @@ void settle(NodeEquation& e, const FrameBuilder& frames, double more) {
 void build_equation(const EquationSpec& spec, const FrameBuilder& frames, Mechanism& out) {
   NodeEquation e;
   for (const EquationSpec::Term& term : spec.terms) {
-    const BuiltBody& body = solid_of(term.where.body, term.where.place, frames, out);
+    const BuiltBody& body = body_with_nodes(term.where.body, term.where.place, frames, out);
     at_place(term.where.place, [&] {
       const std::vector<Index> nodes = frames.nodes_of(term.where, body);
       if (nodes.size() != 1)
         throw std::invalid_argument(fmt::format("a term is of one node, these are {}", nodes.size()));
+      const Mesh* mesh = named_mesh(body);
       if (e.label.empty())
-        e.label = fmt::format("node {} of '{}', {}", body.mesh->node_label(nodes.front()), term.where.body,
-                              "xyz"[term.direction]);
-      add_term(e, {body.flexible, nodes.front(), term.direction, term.factor});
+        e.label = fmt::format("node {} of '{}', {}",
+                              mesh != nullptr ? mesh->node_label(nodes.front()) : std::int64_t{nodes.front()} + 1,
+                              term.where.body, "xyz"[term.direction]);
+      for (const auto& [vertex, factor] : place_of_node(body, nodes.front()))
+        add_term(e, {body.flexible, vertex, term.direction, factor * term.factor});
     });
   }
   settle(e, frames, spec.value);

@@ -17,9 +17,8 @@ constexpr double kInside = 1e-6;  // of natural coordinates
 
 /// Newton's method for X(xi) = point. @return false where it does not come to rest
 bool natural_coordinates(ElementType type, const std::vector<double>& x, const Vec3& point, std::array<double, 3>& xi) {
-  const bool tet = shape_of(type).corners == 4;
   const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
-  xi.fill(tet ? 0.25 : 0);
+  xi = middle_of(type);
   for (int pass = 0; pass < 30; ++pass) {
     double n[kMaxElementNodes], dn[3 * kMaxElementNodes];
     shape_values(type, xi.data(), n);
@@ -43,6 +42,8 @@ bool natural_coordinates(ElementType type, const std::vector<double>& x, const V
 bool is_inside(ElementType type, const std::array<double, 3>& xi) {
   if (shape_of(type).corners == 4)
     return std::min({xi[0], xi[1], xi[2]}) >= -kInside && xi[0] + xi[1] + xi[2] <= 1 + kInside;
+  if (shape_of(type).corners == 6)
+    return std::min(xi[0], xi[1]) >= -kInside && xi[0] + xi[1] <= 1 + kInside && std::abs(xi[2]) <= 1 + kInside;
   return std::max({std::abs(xi[0]), std::abs(xi[1]), std::abs(xi[2])}) <= 1 + kInside;
 }
 

@@ -23,6 +23,8 @@ ElementType solid_shape(int vertices) {
   return vertices == 4    ? ElementType::tet4
          : vertices == 10 ? ElementType::tet10
          : vertices == 20 ? ElementType::hex20
+         : vertices == 6  ? ElementType::wedge6
+         : vertices == 15 ? ElementType::wedge15
                           : ElementType::hex8;
 }
 

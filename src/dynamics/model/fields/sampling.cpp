@@ -16,6 +16,8 @@ std::span<const QuadraturePoint> points_of(SamplePoints where) {
       return quadrature(ElementType::tet10, Rule::stiffness);
     case SamplePoints::hexahedron:
       return quadrature(ElementType::hex8, Rule::stiffness);
+    case SamplePoints::wedge:
+      return quadrature(ElementType::wedge6, Rule::stiffness);
     case SamplePoints::line:
       return kLine;
     default:
@@ -33,6 +35,11 @@ SampleWeights weights_at(SamplePoints where, const double* xi) {
       w[q] = 1;  // the points are at -+ 1 / sqrt 3
       for (std::size_t d = 0; d < 3; ++d) w[q] *= 0.5 * (1 + 3 * points[q].xi[d] * xi[d]);
     }
+  if (where == SamplePoints::wedge)
+    for (std::size_t q = 0; q < points.size(); ++q) {  // volume coordinates are 2/3 and 1/6 there
+      const double l[3] = {1 - xi[0] - xi[1], xi[0], xi[1]};
+      w[q] = 2 * (l[q % 3] - 1.0 / 6) * 0.5 * (1 + 3 * points[q].xi[2] * xi[2]);
+    }
   if (where == SamplePoints::tetrahedron) {
     Eigen::Matrix4d a;  // the linear functions 1, xi at the points
     for (int q = 0; q < 4; ++q) {
@@ -45,6 +52,12 @@ SampleWeights weights_at(SamplePoints where, const double* xi) {
   return w;
 }
 
+std::array<double, 3> middle_of(ElementType type) {
+  const int corners = shape_of(type).corners;
+  if (corners == 4) return {0.25, 0.25, 0.25};
+  return corners == 6 ? std::array<double, 3>{1.0 / 3, 1.0 / 3, 0} : std::array<double, 3>{};
+}
+
 std::vector<std::array<double, 3>> node_coordinates(ElementType type) {
   using Coordinates = std::vector<std::array<double, 3>>;
   const Coordinates hexahedron = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1}, {-1, -1, 1},
@@ -53,9 +66,12 @@ std::vector<std::array<double, 3>> node_coordinates(ElementType type) {
                                   {-1, 0, 1},   {-1, -1, 0}, {1, -1, 0}, {1, 1, 0},   {-1, 1, 0}};
   const Coordinates tetrahedron = {{0, 0, 0},     {1, 0, 0},   {0, 1, 0},   {0, 0, 1},     {0.5, 0, 0},
                                    {0.5, 0.5, 0}, {0, 0.5, 0}, {0, 0, 0.5}, {0.5, 0, 0.5}, {0, 0.5, 0.5}};
+  const Coordinates wedge = {{0, 0, -1},    {1, 0, -1},   {0, 1, -1},     {0, 0, 1},    {1, 0, 1},
+                             {0, 1, 1},     {0.5, 0, -1}, {0.5, 0.5, -1}, {0, 0.5, -1}, {0.5, 0, 1},
+                             {0.5, 0.5, 1}, {0, 0.5, 1},  {0, 0, 0},      {1, 0, 0},    {0, 1, 0}};
   if (type == ElementType::line2) return {{-1, 0, 0}, {1, 0, 0}};
   const bool tet = type == ElementType::tet4 || type == ElementType::tet10;
-  const Coordinates& all = tet ? tetrahedron : hexahedron;
+  const Coordinates& all = tet ? tetrahedron : shape_of(type).corners == 6 ? wedge : hexahedron;
   return {all.begin(), all.begin() + shape_of(type).nodes};
 }
 

@@ -238,10 +238,10 @@ Sites find_sites(const SampledBody& body, const Where& where, bool mean, bool su
   if (kind == Where::Kind::element) {
     const Index e = body.find_element(where.label);
     if (e < 0) throw std::invalid_argument(fmt::format("'{}' has no element {}", body.body().spec.name, where.label));
-    const bool tet = body.shape(e) == ElementType::tet4 || body.shape(e) == ElementType::tet10;
-    const double middle = tet ? 0.25 : 0;
+    std::array<double, 3> middle = middle_of(body.shape(e));
+    if (where.side) middle[2] = *where.side;  // of shells
     Site site;
-    site.terms.push_back(maker.term(e, {middle, middle, tet ? 0.25 : where.side.value_or(0)}, 1));
+    site.terms.push_back(maker.term(e, middle, 1));
     for (const Index n : body.element_nodes(e))
       site.place += body.node_place(n) / static_cast<double>(body.element_nodes(e).size());
     maker.out().list.push_back(std::move(site));
