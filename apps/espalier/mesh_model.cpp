@@ -6,6 +6,7 @@
 #include <filesystem>
 #include <set>
 
+#include "deck_model.hpp"
 #include "dynamics/mesh/deck/deck.hpp"
 #include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/mesh/sides.hpp"
@@ -100,34 +101,56 @@ std::string held_pieces(const Mesh& mesh, const std::vector<Index>& held) {
   return count == 1 ? "" : text;
 }
 
-/// Of a deck that states its supports, loads and a step; empty for others.
-std::string model_of_deck(const std::string& mesh_file, const std::string& path) {
-  if (!dynamics::is_deck(mesh_file)) return "";
-  const dynamics::Deck deck = dynamics::read_deck(mesh_file);
-  if (deck.steps == 0) return "";
-  std::string words = "\"all\"", left;
-  std::set<dynamics::DeckKind> kinds;
-  for (const auto& [key, what] : deck.left) {
-    kinds.insert(key.first);
-    left += fmt::format("#   {} ({}, the first in line {})\n", key.second, what.count, what.place.line);
-  }
-  if (!left.empty()) {
-    words.clear();
-    for (std::size_t k = 0; k < dynamics::kDeckWords.size(); ++k)
-      if (!kinds.contains(static_cast<dynamics::DeckKind>(k)))
-        words += fmt::format("{}\"{}\"", words.empty() ? "" : ", ", dynamics::kDeckWords[k]);
-    words = "[" + words + "]";
-    left = "# Not taken, since it cannot be; the answer is another one without:\n" + left;
-  }
+bool only_solids(const Mesh& mesh) {
+  for (Index e = 0; e < mesh.element_count(); ++e)
+    if (dynamics::shape_of(mesh.type(e)).dimension < 3) return false;
+  return true;
+}
+
+/// Of a deck whose supports hold the part; empty for others.
+std::string text_of_deck(const dynamics::Deck& deck, const std::string& mesh_file, const std::string& path,
+                         const std::string& steel) {
+  const DeckModel model = model_of_deck(deck, steel);
+  if (!model.holds) return "";
   return fmt::format(
       "# A model of {}, written by 'espalier mesh': the deck's supports, loads and step are taken over. What they\n"
       "# become has names like part_hold_1; add to it what you like.\n{}"
       "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n\n"
-      "[bodies.part]\ntype = \"solid\"\nmesh = {{ file = {}, take = {} }}\n{}",
-      std::filesystem::path(mesh_file).filename().string(), left, quoted(path), words,
-      kinds.contains(dynamics::DeckKind::step) || deck.step.kind == dynamics::DeckStep::Kind::none
-          ? "\n[statics]\nlinear = true\n"
-          : "");
+      "[bodies.part]\n{}mesh = {{ file = {}, take = {} }}\n{}{}{}",
+      std::filesystem::path(mesh_file).filename().string(), model.left,
+      only_solids(deck.mesh) ? "type = \"solid\"\n" : "", quoted(path), model.take, model.material, model.supports,
+      model.run);
+}
+
+struct BodyMaterial {
+  std::string text;  ///< of the body
+  double young = 0;  ///< the least
+  bool weighs = true;
+};
+BodyMaterial steel_in(const std::string& units) {
+  const bool millimetres = units.starts_with("mm");
+  const double young = millimetres ? 210e3 : 210e9;
+  return {fmt::format("material = {{ young = {:g}, poisson = 0.3, density = {:g} }}  # of steel in {}; the file states "
+                      "none that is taken\n",
+                      young, millimetres ? 7.85e-9 : 7850.0, millimetres ? "mm, t, s" : "m, kg, s"),
+          young};
+}
+
+/// That of the file, or `steel` where it has none.
+BodyMaterial material_of(const Mesh& mesh, const BodyMaterial& steel, bool statics) {
+  if (!states_materials(mesh, statics)) return steel;
+  std::set<std::string> of_sections;
+  for (const auto& [set, name] : mesh.section_material) of_sections.insert(name);
+  BodyMaterial out{"", 0, states_materials(mesh, false)};
+  std::size_t known = 0;
+  for (const dynamics::MeshMaterial& m : mesh.materials)
+    if (of_sections.contains(m.name) && m.young > 0) {
+      out.young = known++ == 0 ? m.young : std::min(out.young, m.young);
+      out.text += fmt::format("{}{} {:g}", out.text.empty() ? "" : ", ", m.name, m.young);
+    }
+  out.text = fmt::format("# {} of the file. Young's modulus: {}.\n",
+                         known == 1 ? "The material is that" : "Materials are those", out.text);
+  return out;
 }
 
 }  // namespace
@@ -137,64 +160,54 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
   const auto refuse = [&](const std::string& what) {
     throw Error(StatusCode::invalid_input, fmt::format("no model of '{}': {}", mesh_file, what));
   };
-  if (survey.solids == 0)
-    refuse(
-        "it has no solids; of triangles and quadrilaterals make a body of type \"shell\" "
-        "(docs/guide/simulate.md#shells-of-mesh-files)");
-  if (survey.simulated < survey.solids) refuse("it has solids that are not simulated (tet4, tet10, hex8, hex20 are)");
-  Mesh mesh = stated;
-  mesh.drop_unused_nodes();
-  const bool sides = dynamics::add_side_sets(mesh);
-  const Faces faces = sides ? ends_of(survey) : choose_faces(mesh, static_cast<std::size_t>(survey.outer_faces));
-  if (faces.held.empty()) refuse("it names no part of its surface");
   namespace fs = std::filesystem;
   std::error_code ignored;
   const fs::path from = model_file.empty() ? fs::path(mesh_file).parent_path() : fs::path(model_file).parent_path();
   fs::path path = fs::relative(mesh_file, from.empty() ? fs::path(".") : from, ignored);
   if (path.empty()) path = fs::absolute(mesh_file);
-  if (std::string text = model_of_deck(mesh_file, path.string()); !text.empty()) return text;
-  const bool millimetres = survey.units.starts_with("mm");
-  std::string material;
-  double young = millimetres ? 210e3 : 210e9;
-  std::set<std::string> of_sections;
-  for (const auto& [set, name] : mesh.section_material) of_sections.insert(name);
-  std::string moduli;
-  std::size_t known = 0;
-  for (const dynamics::MeshMaterial& m : mesh.materials)
-    if (of_sections.contains(m.name) && m.young > 0) {
-      young = known++ == 0 ? m.young : std::min(young, m.young);
-      moduli += fmt::format("{}{} {:g}", moduli.empty() ? "" : ", ", m.name, m.young);
-    }
-  if (known > 0 && known == of_sections.size())
-    material = fmt::format("# {} of the file. Young's modulus: {}.\n",
-                           known == 1 ? "The material is that" : "Materials are those", moduli);
-  if (material.empty())
-    material = fmt::format(
-        "material = {{ young = {:g}, poisson = 0.3, density = {:g} }}  # of steel in {}; the file states none\n", young,
-        millimetres ? 7.85e-9 : 7850.0, millimetres ? "mm, t, s" : "m, kg, s");
+  const BodyMaterial steel = steel_in(survey.units);
+  std::string why;
+  int modes = 0;
+  if (dynamics::is_deck(mesh_file)) {
+    const dynamics::Deck deck = dynamics::read_deck(mesh_file);
+    if (std::string text = deck.steps > 0 ? text_of_deck(deck, mesh_file, path.string(), steel.text) : "";
+        !text.empty())
+      return text;
+    if (deck.steps > 0) why = "# What can be taken of the deck's own supports does not hold it.\n";
+    if (deck.step.kind == dynamics::DeckStep::Kind::modes) modes = deck.step.modes;
+  }
+  if (survey.solids == 0)
+    refuse(
+        "it has no solids; of triangles and quadrilaterals make a body of type \"shell\" "
+        "(docs/guide/simulate.md#shells-of-mesh-files)");
+  if (survey.simulated < survey.solids)
+    refuse("it has solids that are not simulated (tetrahedra, hexahedra and wedges are)");
+  Mesh mesh = stated;
+  mesh.drop_unused_nodes();
+  const bool sides = dynamics::add_side_sets(mesh);
+  const Faces faces = sides ? ends_of(survey) : choose_faces(mesh, static_cast<std::size_t>(survey.outer_faces));
+  if (faces.held.empty()) refuse("it names no part of its surface");
+  const BodyMaterial material = material_of(mesh, steel, modes == 0);
   // Where no second face is free, the part's own weight loads it.
-  const bool weight =
-      faces.pressed.empty() &&
-      (material.front() != '#' || std::any_of(mesh.materials.begin(), mesh.materials.end(), [&](const auto& m) {
-         return of_sections.contains(m.name) && m.density > 0;
-       }));
+  const bool weight = faces.pressed.empty() && material.weighs;
   std::string sets;
   for (const auto& [name, list] : mesh.face_sets) sets += (sets.empty() ? "" : ", ") + name;
   if (sets.size() > 400) sets = sets.substr(0, 400) + " ...";
   std::string text = fmt::format(
       "# A first model of {}, written by 'espalier mesh'. One face of the part is held;\n"
-      "# pressure on another one, or its weight, loads it.\n"
+      "# pressure on another one, or its weight, loads it.\n{}"
       "# Face sets: {}{}\n"
       "# Run it: espalier simulate MODEL.toml --out results; then: espalier view results\n"
       "gravity = [0, 0, {}]\n\n[bodies.part]\ntype = \"solid\"\nmesh = {{ file = {} }}\n{}\n"
       "[supports]\nclamp = {{ body = \"part\", face = \"{}\", hold = \"all\" }}\n{}\n",
-      fs::path(mesh_file).filename().string(), sets, sides ? " (the ends of the part in each direction)" : "",
-      weight ? (millimetres ? "-9810" : "-9.81") : "0", quoted(path.string()), material, faces.held,
-      held_pieces(mesh, mesh.nodes_of_faces(mesh.face_sets.at(faces.held))));
+      fs::path(mesh_file).filename().string(), why, sets, sides ? " (the ends of the part in each direction)" : "",
+      weight ? (survey.units.starts_with("mm") ? "-9810" : "-9.81") : "0", quoted(path.string()), material.text,
+      faces.held, held_pieces(mesh, mesh.nodes_of_faces(mesh.face_sets.at(faces.held))));
   if (!faces.pressed.empty())
     text +=
         fmt::format("[forces]\nload = {{ type = \"pressure\", body = \"part\", face = \"{}\", pressure = {:g} }}\n\n",
-                    faces.pressed, young * 1e-6);
+                    faces.pressed, material.young * 1e-6);
+  if (modes > 0) text += fmt::format("[initial]\nmodes = {}\n\n", modes);
   return text +
          "[statics]\nlinear = true\n\n[output]\nquantities = [\"clamp.force.x\", \"clamp.force.y\", "
          "\"clamp.force.z\"]\n";

@@ -187,6 +187,33 @@ class DecksOfStrangers(Cli):
         self.assertAlmostEqual(out["masses"]["FIRST"], 2, delta=1e-14)
         self.assertAlmostEqual(out["masses"]["SECOND"], 7, delta=1e-14)
 
+    def test_a_shear_modulus_that_does_not_fit(self):
+        moved, said = self.end(CASE + BULK.replace("1000.,,0.,2.", "1000.,700.,0.,2.") + FORCES, name="bar.bdf")
+        self.assertAlmostEqual(moved, 8e-3, delta=1e-13)
+        self.assertIn("MAT1 has G = 700, and E / (2 (1 + NU)) is 500", said)
+
+    def test_modes_of_a_free_structure(self):
+        # E A / l of the two cubes along x, consistent masses, no Poisson's ratio: omega^2 = 12 E / (rho h^2) of one and 3 E / (rho h^2) of the
+        # other motion of a bar with three nodes; with the turning and bending ones six are of the body as a whole.
+        free = BAR + "*STEP\n*FREQUENCY\n36\n*END STEP\n"
+        run = self.expect(0, "simulate", self.file("free.inp", free), "--no-page", "--out", self.folder / "free", "--json")
+        found = [mode["frequency"] for mode in json.loads(run.stdout)["initial"]["modes"]]
+        self.assertLess(max(found[:6]), 1e-4 * found[6])
+        for square in (3, 12):
+            along = (square * 1000 / 2) ** 0.5 / 6.283185307179586
+            self.assertLess(min(abs(f / along - 1) for f in found), 1e-9)
+        self.assertIn("the modes are those of a structure that is free", run.stdout + run.stderr)
+        # A free cube beside a held one, as one body: its six motions are there, too.
+        apart = BAR.replace("2, 2,3,13,12, 22,23,33,32\n", "2, 42,3,13,52, 62,23,33,72\n").replace("*ELEMENT", "*NODE\n42,1.1,0.,0.\n52,1.1,1.,0.\n62,1.1,0.,1.\n72,1.1,1.,1.\n*ELEMENT", 1)
+        run = self.expect(0, "simulate", self.file("apart.inp", apart + CLAMP + "*STEP\n*FREQUENCY\n8\n"), "--no-page", "--out", self.folder / "apart", "--json")
+        found = [mode["frequency"] for mode in json.loads(run.stdout)["initial"]["modes"]]
+        self.assertLess(max(found[:6]), 1e-4 * found[6])
+        nastran = "SOL 103\nCEND\nMETHOD=5\nBEGIN BULK\n" + BULK.replace("SPC1,1,123,1,11,21,31\n", "") + "EIGRL,5,,{}\n"
+        for bound, count in (("100.", 20), ("", 1)):
+            run = self.expect(0, "simulate", self.file("free.bdf", nastran.format(bound)), "--no-page", "--out", self.folder / ("n" + str(count)), "--json")
+            self.assertEqual(len(json.loads(run.stdout)["initial"]["modes"]), count)
+            self.assertIn(f"EIGRL states no number of modes (ND): {count}", run.stdout + run.stderr)
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -129,6 +129,14 @@ def coupling(kind, how, bend=as_it_is):
             "*STEP\n*STATIC\n*CLOAD\n9001, 3, -300.\n9001, 1, 100.\n" + ("" if how == "DISTRIBUTING" else "9001, 4, 30.\n") + END)
 
 
+def weighted(kind):
+    """Forces on the reference node of CalculiX's old distributing coupling, far from the nodes, which have weights of their own."""
+    b = Block(kind, (0.1, 0.06, 0.04), (4, 2, 2))
+    weights = "".join(f"{n}, {1 + k % 4 / 2}\n" for k, n in enumerate(b.where(lambda x, y, z: x > 0.1 - NEAR)))
+    return (clamped(b, "*NODE\n9001, 0.3, 0.2, 0.1\n") + "*ELEMENT, TYPE=DCOUP3D, ELSET=E1\n9100, 9001\n*DISTRIBUTING COUPLING, ELSET=E1\n" + weights +
+            "*BOUNDARY\nFIX, 1, 3\n*STEP\n*STATIC\n*CLOAD\n9001, 3, -300.\n9001, 2, 100.\n" + END)
+
+
 TWO = ("*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850\n*MATERIAL, NAME=RESIN\n*ELASTIC\n3e9, 0.4\n*DENSITY\n1200\n"
        "*SOLID SECTION, ELSET=LOWER, MATERIAL=STEEL\n*SOLID SECTION, ELSET=UPPER, MATERIAL=RESIN\n")
 
@@ -206,6 +214,7 @@ DECKS = {"loads C3D4": lambda: loads("C3D4"), "loads C3D10": lambda: loads("C3D1
          "distributing C3D10": lambda: coupling("C3D10", "DISTRIBUTING TURNED"),
          "distributing C3D20": lambda: coupling("C3D20", "DISTRIBUTING TURNED"),
          "distributing C3D20R": lambda: coupling("C3D20R", "DISTRIBUTING TURNED", tapered),
+         "weighted C3D8": lambda: weighted("C3D8"), "weighted C3D20": lambda: weighted("C3D20"),
          "materials C3D8": lambda: materials("C3D8"), "materials C3D10": lambda: materials("C3D10"),
          "materials C3D20": lambda: materials("C3D20"), "materials C3D20R": lambda: materials("C3D20R"),
          # Centrifugal forces of others are integrated at fewer points there: docs/guide/your_files.md has the differences.

@@ -65,6 +65,49 @@ class Meshes(Cli):
         self.expect(0, "mesh", path, "--page", str(page))
         self.assertIn("<html", (page / "index.html").read_text()[:400].lower())
 
+    def first_model_of(self, name, deck, *says):
+        """Its text and quantities; it runs."""
+        path, model = self.write(name + ".inp", deck), self.folder / (name + ".toml")
+        self.expect(0, "mesh", path, "--model", str(model))
+        run = self.expect(0, "simulate", str(model), "--no-page", "--out", str(self.folder / name), "--json")
+        for part in says:
+            self.assertIn(part, model.read_text())
+        names, *rows = (self.folder / name / "quantities.csv").read_text().splitlines()
+        return dict(zip(names.split(","), map(float, rows[-1].split(",")))), json.loads(run.stdout)
+
+    def test_first_models_of_decks(self):
+        sets = "*NSET, NSET=X0\n1,6,11,16\n*NSET, NSET=X4\n5,10,15,20\n"  # of four cubes
+        pull = "*STEP\n*STATIC\n*CLOAD\nX4, 1, 25.\n"
+        clamp = "*BOUNDARY\nX0, 1, 3\n"
+        values, _ = self.first_model_of("whole", block(4, STEEL, sets) + clamp + pull, 'take = "all"')
+        self.assertAlmostEqual(values["part_hold_1.force.x"], -100, delta=1e-9)
+        # It holds nothing: one face is held, another pressed.
+        values, _ = self.first_model_of("loose", block(4, STEEL, sets) + pull, "does not hold it", "[supports]\nclamp")
+        self.assertAlmostEqual(abs(values["clamp.force.x"]) / 2.1e5, 1, delta=1e-9)
+        # Held in part: the same.
+        self.first_model_of("half", block(4, STEEL, sets) + "*BOUNDARY\nX0, 1, 1\n" + pull, "does not hold it")
+        # A second cube that only a contact would hold, its nodes 50 higher: it is held, and bears its load.
+        other = "*NODE\n" + "".join(f"{n},{4 + x}.,{y}.,{z}.\n" for n, x, y, z in (
+            (51, 0, 0, 0), (52, 1, 0, 0), (53, 1, 1, 0), (54, 0, 1, 0), (55, 0, 0, 1), (56, 1, 0, 1), (57, 1, 1, 1), (58, 0, 1, 1))
+        ) + "*ELEMENT, TYPE=C3D8, ELSET=ALL\n9, 51,52,53,54,55,56,57,58\n"
+        contact = "*SURFACE, NAME=A\n4, S4\n*SURFACE, NAME=B\n9, S6\n*CONTACT PAIR, INTERACTION=I\nA, B\n"
+        values, _ = self.first_model_of("contact", block(4, STEEL, sets) + other + contact + clamp + pull, "*CONTACTPAIR (1", "piece_1", '"boundary"')
+        self.assertAlmostEqual(values["part_hold_1.force.x"], -100, delta=1e-9)
+        # Tied, or joined by an equation at each node, it needs nothing.
+        tie = "*SURFACE, NAME=A\n4, S4\n*SURFACE, NAME=B\n9, S6\n*TIE, NAME=T\nB, A\n"
+        model = self.folder / "tied.toml"
+        self.first_model_of("tied", block(4, STEEL, sets) + other + tie + clamp + pull, 'take = "all"')
+        self.assertNotIn("piece", model.read_text())
+        # What cannot be taken is left out, with the reason; laws that are not ours are steel.
+        spring = "*NODE\n99,9.,9.,9.\n*ELEMENT, TYPE=SPRING2, ELSET=S\n77, 5, 99\n*SPRING, ELSET=S\n1, 1\n1e6\n"
+        self.first_model_of("spring", block(4, STEEL, sets) + spring + clamp + pull, "#   springs: ", "between nodes 5 and 99 is not taken", '"cload"')
+        law = STEEL.replace("*ELASTIC\n2.1e11, 0.3", "*HYPERELASTIC, NEO HOOKE\n80., 0.001")
+        self.first_model_of("law", block(4, law, sets) + clamp + pull, "*HYPERELASTIC", "# of steel")
+        # Modes, also of a structure that is free.
+        for name, held in (("modes", clamp), ("free", "")):
+            _, run = self.first_model_of(name, block(4, STEEL, sets) + held + "*STEP\n*FREQUENCY\n8\n", 'take = "all"')
+            self.assertEqual(len(run["initial"]["modes"]), 8)
+
     def test_what_is_wrong_is_said(self):
         self.assertIn("name a mesh file", self.expect(2, "mesh").stderr)
         self.assertIn("there is no file", self.expect(2, "mesh", str(self.folder / "none.inp")).stderr)

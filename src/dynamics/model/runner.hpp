@@ -88,6 +88,7 @@ class Runner {
   void find_equilibrium(const ConsistencyOptions& consistency);  ///< at the start of a motion
   void run_statics(const SimulationObserver& observer);
   void run_linear_statics(const SimulationObserver& observer);  ///< runner_linear.cpp
+  void end_with_modes(const std::string& why);                  ///< likewise
   void begin_statics_files();
   /// What statics solves: the model's equations, or those of bodies that turn steadily, where [initial] rotation says
   /// so.

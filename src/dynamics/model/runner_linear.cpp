@@ -9,6 +9,16 @@
 
 namespace espalier::dynamics::model {
 
+/// Of a structure that can move.
+void Runner::end_with_modes(const std::string& why) {
+  summary_.notices.push_back(
+      fmt::format("the modes are those of a structure that is free; loads have no answer: {}", why));
+  const Sample s = sample(last_report_);
+  files_->step(s);
+  keep(s);
+  files_->end(s);
+}
+
 void Runner::run_linear_statics(const SimulationObserver& observer) {
   constexpr double kSmall = 0.1;  // of the extent, or an angle: cos is 0.5 % off
   constexpr double kLost = 0.01, kWorthSaying = 1e-4;
@@ -44,6 +54,7 @@ void Runner::run_linear_statics(const SimulationObserver& observer) {
       summary_.interrupted = true;
       return files_->end(sample(last_report_));
     }
+    if (error.status().code == StatusCode::singular && model_.initial.modes > 0) return end_with_modes(error.what());
     std::string text = error.what();
     if (error.status().code == StatusCode::singular)
       for (const BuiltBody& body : mechanism_->bodies)
