@@ -90,6 +90,12 @@ void* ForeignFmu::find_function(const char* symbol) const {
 
 void ForeignFmu::refuse(const std::string& what) const { refuse_file(title_, what); }
 
+void ForeignFmu::check_value(const ForeignVariable& v, double value, bool fits) const {
+  if (!fits || !std::isfinite(value))
+    refuse(fmt::format("'{}' cannot be {}: {}", v.name, value,
+                       std::isfinite(value) ? "its type does not hold it" : "that is no number to tell"));
+}
+
 void ForeignFmu::hear(const std::string& message) {
   constexpr std::size_t kMost = 5;
   if (heard_.size() < kMost) heard_.push_back(message);

@@ -2,7 +2,9 @@
 /// An FMU of another program, unpacked and loaded, that is stepped through time beside us.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
+#include <limits>
 #include <memory>
 #include <string>
 #include <string_view>
@@ -75,6 +77,16 @@ class ForeignFmu {
   void check(FmiStatus status, const char* told) const;
   [[noreturn]] void refuse(const std::string& what) const;
   void hear(const std::string& message);  ///< of the FMU's logger
+  /// @throws where no number of the type, nor of a real variable, is the value rounded
+  void check_value(const ForeignVariable& v, double value, bool fits) const;
+  template <class Integer>
+  [[nodiscard]] Integer rounded(const ForeignVariable& v, double value) const {
+    const double whole = std::round(value);
+    check_value(v, value,
+                whole >= static_cast<double>(std::numeric_limits<Integer>::lowest()) &&
+                    whole < std::ldexp(1.0, std::numeric_limits<Integer>::digits));
+    return static_cast<Integer>(whole);
+  }
   void load_state_functions(const char* prefix, const char* deserialize);
   void* instance_ = nullptr;
   std::string name_;

@@ -57,8 +57,9 @@ class Foreign2 final : public ForeignFmu {
   void end_initialization() override { call("fmi2ExitInitializationMode", exit_, instance_); }
 
   void set(const ForeignVariable& v, double value) override {
+    check_value(v, value, true);
     if (v.type == Type::real) return call("fmi2SetReal", set_real_, instance_, &v.reference, 1, &value);
-    const int whole = v.type == Type::boolean ? (value >= 0.5 ? 1 : 0) : static_cast<int>(std::lround(value));
+    const int whole = v.type == Type::boolean ? (value >= 0.5 ? 1 : 0) : rounded<int>(v, value);
     if (v.type == Type::boolean) return call("fmi2SetBoolean", set_boolean_, instance_, &v.reference, 1, &whole);
     call("fmi2SetInteger", set_integer_, instance_, &v.reference, 1, &whole);
   }

@@ -76,12 +76,13 @@ class Foreign3 final : public ForeignFmu {
   void end_initialization() override { call("fmi3ExitInitializationMode", exit_, instance_); }
 
   void set(const ForeignVariable& v, double value) override {
+    check_value(v, value, true);
     with_type(v.type, [&](const char* name, auto number) {
       using Number = decltype(number);
       if constexpr (std::is_same_v<Number, bool>) {
         number = value >= 0.5;
       } else if constexpr (std::is_integral_v<Number>) {
-        number = static_cast<Number>(std::llround(value));
+        number = rounded<Number>(v, value);
       } else {
         number = static_cast<Number>(value);
       }

@@ -4,7 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <pugixml.hpp>
+#include <set>
 
 #include "espalier/types.hpp"
 
@@ -45,7 +47,11 @@ ForeignVariable read_variable(const pugi::xml_node& node, int version, const std
   v.name = node.attribute("name").as_string();
   const pugi::xml_attribute reference = node.attribute("valueReference");
   if (v.name.empty() || reference.empty()) refuse(fmu, "modelDescription.xml has a variable without name or reference");
-  v.reference = reference.as_uint();
+  const std::string_view digits = reference.value();
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), v.reference);
+  if (error != std::errc() || end != digits.data() + digits.size())
+    refuse(fmu, fmt::format("modelDescription.xml: the reference of '{}' is no number of 32 bits: {}", v.name,
+                            std::string(digits.substr(0, 40))));
   v.causality = node.attribute("causality").as_string("local");
   pugi::xml_node typed = node;
   if (version == 2) {
@@ -88,8 +94,13 @@ ModelDescription read_description(const std::string& xml, const std::string& fmu
   const char* serializes = d.version == 2 ? "canSerializeFMUstate" : "canSerializeFMUState";
   const char* has = d.version == 2 ? "canGetAndSetFMUstate" : "canGetAndSetFMUState";
   d.serializes_state = steps.attribute(serializes).as_bool() && steps.attribute(has).as_bool();
-  for (const pugi::xml_node node : root.child("ModelVariables").children())
-    if (node.type() == pugi::node_element) d.variables.push_back(read_variable(node, d.version, fmu));
+  std::set<std::string> names;
+  for (const pugi::xml_node node : root.child("ModelVariables").children()) {
+    if (node.type() != pugi::node_element) continue;
+    d.variables.push_back(read_variable(node, d.version, fmu));
+    if (const std::string& name = d.variables.back().name; !names.insert(name).second)
+      refuse(fmu, fmt::format("modelDescription.xml has two variables '{}'", name));
+  }
   return d;
 }
 

@@ -94,6 +94,23 @@ TEST_P(ForeignVersions, ErrorsNameTheFmuTheCallAndWhatItSays) {
   EXPECT_THROW(fmu->begin(0, {{*d.find("T"), -1.0}}), Error);
 }
 
+// A number that would turn into another one on its way does not go there.
+TEST_P(ForeignVersions, NumbersThatDoNotFitAreRefused) {
+  const auto fmu = ForeignFmu::load("part", "part.fmu", lag_fmu(GetParam()));
+  const auto& d = fmu->description();
+  const auto told = [&](const std::string& name, double value) -> std::string {
+    try {
+      fmu->begin(0, {{*d.find(name), value}});
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "taken";
+  };
+  EXPECT_NE(told("count", 3e9).find("'count' cannot be 3000000000: its type"), std::string::npos) << told("count", 3e9);
+  EXPECT_NE(told("gain", std::nan("")).find("'gain' cannot be nan"), std::string::npos);
+  EXPECT_EQ(told("gain", 3e9), "taken");
+}
+
 // Nothing can be caught there; but the last line says who it was.
 TEST_P(ForeignVersions, ACrashNamesTheFmuAndTheCall) {
   ::testing::FLAGS_gtest_death_test_style = "threadsafe";
@@ -124,6 +141,12 @@ TEST_P(ForeignVersions, RefusesWhatItCannotRun) {
             std::string::npos);
   EXPECT_NE(with(xml.substr(0, xml.size() / 2)).find("is damaged"), std::string::npos);
   EXPECT_NE(with("<a/>").find("describes no FMU"), std::string::npos);
+  for (const char* reference : {"y", "2y", "-2", "99999999999", ""})
+    EXPECT_NE(with(replaced(xml, "valueReference=\"2\"", fmt::format("valueReference=\"{}\"", reference)))
+                  .find("the reference of 'y' is no number of 32 bits"),
+              std::string::npos)
+        << reference;
+  EXPECT_NE(with(replaced(xml, "name=\"gain\"", "name=\"T\"")).find("two variables 'T'"), std::string::npos);
   EXPECT_NE(load_message(make_zip({{"modelDescription.xml", xml}, {"binaries/win64/lag.dll", "x"}}))
                 .find("no binary for this platform, " + home + "lag.so; it has binaries for: win64"),
             std::string::npos);
