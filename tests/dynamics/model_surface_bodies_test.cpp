@@ -127,6 +127,35 @@ TEST_F(ModelSurfaceBodies, ABallAndAHollowBox) {
   EXPECT_NEAR(shell.inertia(0, 0), 8.0 / 12 * 8 - 1.0 / 12 * 2, 1e-12);
 }
 
+// Pieces beside each other and in cavities count once; what looks inwards without being a cavity, or lies within
+// another piece, has no volume that one could know.
+TEST_F(ModelSurfaceBodies, SeveralPieces) {
+  const auto inwards = [](std::vector<StlTriangle> box) {
+    for (StlTriangle& t : box) std::swap(t[1], t[2]);
+    return box;
+  };
+  const auto volume = [&](const std::vector<std::vector<StlTriangle>>& pieces) {
+    std::vector<StlTriangle> all;
+    for (const auto& piece : pieces) all.insert(all.end(), piece.begin(), piece.end());
+    return contact::solid_inside(contact::read_surface(write("pieces.stl", text_stl(all)), 1), "pieces").volume;
+  };
+  const auto large = stl_box({0, 0, 0}, {4, 4, 4}), middle = stl_box({1, 1, 1}, {2, 2, 2});
+  const auto small = stl_box({1.5, 1.5, 1.5}, {1, 1, 1}), beside = stl_box({5, 0, 0}, {1, 1, 1});
+  EXPECT_NEAR(volume({large, beside}), 65, 1e-12);
+  EXPECT_NEAR(volume({small, inwards(middle), beside, large}), 64 - 8 + 1 + 1, 1e-12);
+  const auto says = [&](const std::vector<std::vector<StlTriangle>>& pieces) -> std::string {
+    try {
+      static_cast<void>(volume(pieces));
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "taken";
+  };
+  EXPECT_NE(says({large, inwards(beside)}).find("look inwards, and lies in no other piece"), std::string::npos);
+  EXPECT_NE(says({large, middle}).find("lies inside of another one and would count twice"), std::string::npos);
+  EXPECT_NE(says({large, inwards(middle), inwards(small)}).find("look inwards"), std::string::npos);
+}
+
 TEST_F(ModelSurfaceBodies, MistakesAreNamed) {
   auto triangles = stl_box({0, 0, 0}, {2, 2, 2});
   triangles.erase(triangles.begin() + 2, triangles.begin() + 4);  // the side x = 2 or the like

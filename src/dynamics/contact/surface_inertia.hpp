@@ -17,7 +17,7 @@ struct SurfaceSolid {
 
 /// Sums over tetrahedra between the triangles and one point (the divergence theorem for polynomials): exact but for
 /// rounding. @throws Error(invalid_input) beginning with `name` where the surface is open, with the place of the first
-/// hole and how many edges it has
+/// hole and how many edges it has, or where a piece of it looks inwards without being a cavity, or lies within another
 [[nodiscard]] SurfaceSolid solid_inside(const TriangleSurface& surface, const std::string& name);
 
 }  // namespace espalier::dynamics::contact
