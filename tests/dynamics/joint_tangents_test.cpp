@@ -184,6 +184,10 @@ TEST(SpaceCurves, DegenerateOnesAreRefused) {
   EXPECT_EQ(says({{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 0}}, true), "");  // the last is the first again
   // There and back on one line: the spline turns round in a cusp.
   EXPECT_NE(says({{0, 0, 0}, {1, 0, 0}, {0, 0, 0}}, false).find("cusp"), std::string::npos);
+  EXPECT_NE(says({{0, 5, 0}, {1, 5, 0}, {2, 5, 0}, {1, 5, 0}}, false).find("cusp"), std::string::npos);
+  EXPECT_NE(says({{0, 0, 0}, {0.3, 0, 0}, {2.1, 0, 0}, {1.7, 0, 0}, {1.6, 0, 0}}, false).find("cusp"),
+            std::string::npos);
+  EXPECT_EQ(says({{0, 0, 0}, {1, 0, 0}, {1.1, 0.1, 0}, {1, 0.2, 0}, {0, 0.2, 0}}, false), "");  // a hairpin
 }
 
 RigidBody& add_drawn_body(AssembledSystem& system, Draws& draws, const std::string& name, double size) {

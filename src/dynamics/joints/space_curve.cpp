@@ -1,11 +1,12 @@
 #include "dynamics/joints/space_curve.hpp"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <stdexcept>
 
+#include "dense/dense.hpp"
 #include "dynamics/bodies/rotation.hpp"
 
 namespace espalier::dynamics {
@@ -29,7 +30,7 @@ Vec3 across(const std::vector<Vec3>& points) {
   for (const Vec3& x : points) mean += x / static_cast<double>(points.size());
   Mat3 spread = Mat3::Zero();
   for (const Vec3& x : points) spread += (x - mean) * (x - mean).transpose();
-  return Eigen::SelfAdjointEigenSolver<Mat3>(spread).eigenvectors().col(0);
+  return dense::principal_axes(spread).axes.col(0);
 }
 
 Vec3 without(const Vec3& x, const Vec3& unit) { return (x - x.dot(unit) * unit).normalized(); }
@@ -70,14 +71,21 @@ SpaceCurve::SpaceCurve(std::vector<Vec3> points, bool closed) : path_(path_of(st
     arcs_.push_back(arcs_.back() + arc_between(path_.knots()[i], path_.knots()[i + 1]));
 }
 
+// A cusp need not lie on a sample: between two of them the direction turns round.
 void SpaceCurve::check_cusps() const {
   constexpr double kLeast = 1e-3;  // of the mean speed, which is near 1
+  constexpr double kTurn = -0.5;   // cosine: 120 degrees within a sample's length
   const std::vector<double> u = samples_of(path_);
-  for (std::size_t k = 0; k < u.size(); ++k)
-    if (!(path_.at(u[k]).d1.norm() > kLeast))
-      throw std::invalid_argument("the curve has a cusp between the points " +
-                                  points_text(k / kPerPiece, path_.knots().size() - (closed() ? 1 : 0)) +
-                                  ", where it has no direction: give more points around the turn there");
+  Vec3 before = path_.at(u.front()).d1;
+  for (std::size_t k = 0; k < u.size(); ++k) {
+    const Vec3 d1 = path_.at(u[k]).d1;
+    if (!(d1.norm() > kLeast) || d1.dot(before) < kTurn * d1.norm() * before.norm())
+      throw std::invalid_argument(
+          "the curve has a cusp between the points " +
+          points_text((std::max<std::size_t>(k, 1) - 1) / kPerPiece, path_.knots().size() - (closed() ? 1 : 0)) +
+          ", where it has no direction: give more points around the turn there");
+    before = d1;
+  }
 }
 
 // Rotation-minimising: the double reflection of Wang, Juettler, Zheng and Liu, ACM Trans. Graph. 27 (2008). What a
