@@ -127,6 +127,34 @@ def test_tendons_rest_where_the_springs_of_joints_do(tmp_path):
     assert x == pytest.approx(0.7 - 0.5 * math.cos(math.sqrt((5 * 4 + 12) / 2) * 0.5), abs=1e-7)
 
 
+@pytest.mark.parametrize("springlength, rest", [("-0.05", -0.05), ("-0.3 -0.1", -0.1), ("-1", 0), ("-1 -1", 0), ("-1 -0.2", -0.2), ("0", 0), ("0.1 0.4", 0.1)])
+def test_rest_of_fixed_tendons(tmp_path, springlength, rest):
+    """Any number but -1 alone is a length, also below 0; between two of them the tendon does not pull."""
+    path = mjcf(tmp_path, '<option gravity="0 0 0"/><worldbody><body name="a"><joint name="j" type="slide" axis="1 0 0"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody>'
+                f'<tendon><fixed name="f" stiffness="5" springlength="{springlength}"><joint joint="j" coef="2"/></fixed></tendon>')
+    (x,), _ = run(esp.Model.from_mjcf(path), ["j.displacement"])
+    low, high = ([float(w) for w in springlength.split()] * 2)[:2]
+    stays = low <= 0 <= high and springlength not in ("-1", "-1 -1")
+    assert x == pytest.approx(0 if stays else rest / 2 * (1 - math.cos(math.sqrt(5 * 4 / 2) * 0.5)), abs=1e-7)
+
+
+@pytest.mark.parametrize("actuators, told", [
+    ('<motor name="a" joint="j"/>', False), ('<motor name="a" joint="j"/><motor name="b" joint="j"/>', True), ('<motor name="a" tendon="t"/>', True),
+    ('<motor name="a" site="s" gear="1 0 0 0 0 0"/>', True), ("", False)])
+def test_limits_of_the_sum_of_several_actuators(tmp_path, actuators, told):
+    """MuJoCo bounds the sum of what drives a joint (mjModel.jnt_actfrcrange); seen there: two motors of 3 within 4 exert 4."""
+    path = mjcf(tmp_path, '<worldbody><body name="a"><joint name="j" type="slide" axis="1 0 0" actuatorfrcrange="-4 4"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/><site name="s"/></body>'
+                f'</worldbody><tendon><fixed name="t"><joint joint="j" coef="2"/></fixed></tendon><actuator>{actuators}</actuator>')
+    assert any("limits of the sum" in str(n) for n in esp.Model.from_mjcf(path).notices) == told
+
+
+def test_springlength_that_falls_is_refused(tmp_path):
+    path = mjcf(tmp_path, '<worldbody><body name="a"><joint name="j" type="slide"/><inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody>'
+                '<tendon><fixed stiffness="5" springlength="0.3 0.1"><joint joint="j" coef="2"/></fixed></tendon>')
+    with pytest.raises(esp.InvalidInputError, match="springlength"):
+        esp.Model.from_mjcf(path)
+
+
 def test_floating_joint_begins_at_its_origin(tmp_path):
     path = urdf(tmp_path, BASE + link("mid") + link("free") + joint("up", "base", "mid", "fixed", at="0 0 5") + joint("go", "mid", "free", "floating", at="1 2 3"))
     assert np.allclose(esp.Model.from_urdf(path).tree["bodies"]["free"]["position"], [1, 2, 8 - LENGTH])

@@ -1,7 +1,9 @@
 #include "dynamics/model/robots/mjcf.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
+#include <map>
 
 #include "dynamics/model/robots/geom_mass.hpp"
 
@@ -62,6 +64,31 @@ void read_options(const MjcfText& text, Robot& robot, Off& switched_off) {
   }
 }
 
+/// The range of a joint's forces bounds the sum of all that acts along it; here each actuator of the joint keeps to it
+/// for itself.
+void tell_shared_limits(Robot& robot) {
+  std::map<std::string, int> drivers;
+  bool everywhere = false;  // something that does not act along joints
+  for (const Actuator& a : robot.actuators) {
+    everywhere = everywhere || !a.site.empty();
+    if (!a.joint.empty()) ++drivers[a.joint];
+    for (const Tendon& t : robot.tendons) {
+      if (a.tendon.empty() || a.tendon != t.name) continue;
+      everywhere = everywhere || !t.pieces.empty();
+      for (const auto& [joint, factor] : t.joints) drivers[joint] += 2;
+    }
+  }
+  const bool weightless =
+      std::any_of(robot.links.begin(), robot.links.end(), [](const Link& link) { return link.weightless != 0; });
+  for (const Link& link : robot.links)
+    for (const RobotJoint& j : link.joints) {
+      if (!std::isfinite(j.least_force) && !std::isfinite(j.largest_force)) continue;
+      if (everywhere || drivers[j.name] > 1)
+        robot.pass_over("limits of the sum of what several actuators, tendons or sites exert on a joint");
+      if (j.carries_weight && weightless) robot.pass_over("limits of what actuators bear of the weight");
+    }
+}
+
 }  // namespace
 
 Mass read_inertial(const MjcfText& text, const Element& e) {
@@ -90,6 +117,7 @@ Robot read_mjcf(const XmlFile& file, const RobotOptions& options) {
   read_mjcf_bodies(text, options, robot);
   read_mjcf_parts(text, robot);
   switched_off.clear(robot);
+  tell_shared_limits(robot);
   read_mjcf_keyframe(text, options, robot);
   for (const char* tag : {"sensor", "deformable", "extension"})
     for (const Element& section : text.sections(tag)) {

@@ -204,14 +204,12 @@ class BodyReader {
     read_coefficients(a, j);
     if (const auto x = a.numbers("springdamper", 2, 2); !x.empty()) j.spring_damper = {x[0], x[1]};
     j.start = j.ref;
-    if (const auto range = text_.limits(a, "limited", "range")) {
-      if (j.kind == JointKind::ball)
-        robot_.pass_over("limits of ball joints");
-      else
-        j.lower = unit * (*range)[0], j.upper = unit * (*range)[1];
-    }
-    if (const auto range = text_.limits(a, "actuatorfrclimited", "actuatorfrcrange"))
-      j.least_force = (*range)[0], j.largest_force = (*range)[1];
+    const auto range = text_.limits(a, "limited", "range");
+    if (range && j.kind == JointKind::ball) robot_.pass_over("limits of ball joints");
+    if (range && j.kind != JointKind::ball) j.lower = unit * (*range)[0], j.upper = unit * (*range)[1];
+    if (const auto forces = text_.limits(a, "actuatorfrclimited", "actuatorfrcrange"))
+      j.least_force = (*forces)[0], j.largest_force = (*forces)[1];
+    j.carries_weight = a.text("actuatorgravcomp") == "true";
     link.joints.push_back(j);
   }
 

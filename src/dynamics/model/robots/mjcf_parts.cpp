@@ -134,8 +134,10 @@ class PartsReader {
     t.stiffness = stiffness.empty() ? 0 : stiffness[0];
     t.damping = damping.empty() ? 0 : damping[0];
     t.friction = a.number("frictionloss", 0);
-    if (const auto rest = a.numbers("springlength", 1, 2); !rest.empty() && rest[0] >= 0)
-      t.rest = {rest[0], rest.size() > 1 ? rest[1] : rest[0]};
+    if (const auto rest = a.numbers("springlength", 1, 2); !rest.empty() && (rest.front() != -1 || rest.back() != -1)) {
+      t.rest = {rest.front(), rest.back()};
+      if (rest.front() > rest.back()) e.fail("'springlength' must not fall");
+    }
     if (const auto range = text_.limits(a, "limited", "range")) t.lower = (*range)[0], t.upper = (*range)[1];
     if (text_.limits(a, "actuatorfrclimited", "actuatorfrcrange")) robot_.pass_over("limits of the forces on tendons");
     if (a.number("armature", 0) != 0) robot_.pass_over("armature of tendons");

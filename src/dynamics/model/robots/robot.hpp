@@ -33,6 +33,7 @@ struct RobotJoint {
   std::array<double, 2> spring_damper{};  ///< time constant and damping ratio, > 0: they set stiffness and damping
   std::optional<double> lower, upper;
   double least_force = -std::numeric_limits<double>::infinity(), largest_force = -least_force;  ///< of actuators
+  bool carries_weight = false;  ///< its actuators are what compensates the weight (gravcomp)
   std::optional<Mimic> mimic;
   // ball: rotation of the link from Link::pose and angular velocity in its own axes; free: place and velocity in those
   // of the world. None: Link::pose
