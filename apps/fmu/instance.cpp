@@ -273,7 +273,8 @@ void Instance::restore(std::string_view bytes) {
   const std::vector<double> loaded_with = in.numbers();
   const std::string_view run = in.text();
   if (values.size() != values_.size() || (!loaded_with.empty() && loaded_with.size() != values.size()) ||
-      !(mode >= 0 && mode <= static_cast<double>(Mode::terminated)))
+      !(mode >= 0 && mode <= static_cast<double>(Mode::terminated)) ||
+      (mode == static_cast<double>(Mode::running) && loaded_with.empty()))
     refuse("the state of the FMU is damaged");
   const std::optional<double> wanted = tolerance > 0 ? std::optional(tolerance) : std::nullopt;
   if (loaded_with.empty()) {

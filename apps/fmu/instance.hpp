@@ -85,10 +85,15 @@ class Instance {
   /// With accelerations and reactions, where inputs, time and states have these values.
   [[nodiscard]] dynamics::State solved_state(const std::vector<double>& values);
   void respond();
-  /// Of a difference along the seed: the largest for which no known moves by more than a part of its size; 0: none
-  /// moves.
-  [[nodiscard]] double checked_step(std::span<const fmi::ValueReference> unknowns,
-                                    std::span<const fmi::ValueReference> knowns, std::span<const double> seed) const;
+  /// A change of what is known, and the step of differences along it: a part of the size of what moves.
+  struct Direction {
+    std::vector<double> along;  ///< of all variables
+    double step = 0;
+  };
+  /// The seed in parts, all states in one: numbers of different size do not share a step.
+  [[nodiscard]] std::vector<Direction> directions(std::span<const fmi::ValueReference> unknowns,
+                                                  std::span<const fmi::ValueReference> knowns,
+                                                  std::span<const double> seed) const;
   // Derivatives of all variables along a change of what is known.
   [[nodiscard]] std::vector<double> slope_of_start(const std::vector<double>& along, double step) const;
   [[nodiscard]] std::vector<double> slope_here(const std::vector<double>& along, double step);

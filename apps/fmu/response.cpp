@@ -84,26 +84,35 @@ void Instance::get_derivatives(std::span<double> dx) {
   for (std::size_t k = 0; k < dx.size(); ++k) dx[k] = get(static_cast<fmi::ValueReference>(derivatives_[k]));
 }
 
-double Instance::checked_step(std::span<const fmi::ValueReference> unknowns,
-                              std::span<const fmi::ValueReference> knowns, std::span<const double> seed) const {
+std::vector<Instance::Direction> Instance::directions(std::span<const fmi::ValueReference> unknowns,
+                                                      std::span<const fmi::ValueReference> knowns,
+                                                      std::span<const double> seed) const {
   const bool starting = mode_ == Mode::initialization;
-  constexpr double kPart = 1e-3;
-  double step = 0;
+  constexpr double kPart = 1e-3, kNothing = 1e-6;
+  std::vector<Direction> list;
+  std::optional<std::size_t> of_states;
   for (std::size_t k = 0; k < knowns.size(); ++k) {
     const fmi::Variable& v = variable(knowns[k]);
-    const bool input = v.kind == Kind::input || (v.kind == Kind::parameter && starting) ||
-                       (model_exchange_ && !starting && v.kind == Kind::state);
-    if (!input) refuse(fmt::format("'{}' is not known here: nothing is differentiated by it", v.name));
+    const bool state = model_exchange_ && !starting && v.kind == Kind::state;
+    if (!state && v.kind != Kind::input && !(v.kind == Kind::parameter && starting))
+      refuse(fmt::format("'{}' is not known here: nothing is differentiated by it", v.name));
     if (seed[k] == 0) continue;
-    const double size = std::abs(values_[knowns[k]]);
-    const double most = kPart * (size > 0 ? size : 1) / std::abs(seed[k]);
-    step = step == 0 ? most : std::min(step, most);
+    if (!state || !of_states) {
+      if (state) of_states = list.size();
+      list.push_back({std::vector<double>(values_.size()), 0});
+    }
+    Direction& own = state ? list[*of_states] : list.back();
+    own.along[knowns[k]] += seed[k];
+    // What has fallen to rounding beside what it began with (sin(pi) for 0) counts as 0.
+    const double value = std::abs(values_[knowns[k]]), usual = v.start == 0 ? 1 : std::abs(v.start);
+    const double most = kPart * (value > kNothing * usual ? value : usual) / std::abs(seed[k]);
+    own.step = own.step == 0 ? most : std::min(own.step, most);
   }
   for (const fmi::ValueReference unknown : unknowns)
     if (const Kind kind = variable(unknown).kind;
         kind != Kind::output && kind != Kind::derivative && !(kind == Kind::state && starting))
       refuse(fmt::format("'{}' is no output: it is not differentiated", variable(unknown).name));
-  return step;
+  return list;
 }
 
 std::vector<double> Instance::slope_of_start(const std::vector<double>& along, double step) const {
@@ -156,14 +165,13 @@ void Instance::directional(std::span<const fmi::ValueReference> unknowns, std::s
   if (seed.size() != knowns.size() || sensitivity.size() != unknowns.size())
     refuse("a seed has a number for each known, a sensitivity one for each unknown");
   need_run();
-  const double step = checked_step(unknowns, knowns, seed);
+  const std::vector<Direction> list = directions(unknowns, knowns, seed);
   std::fill(sensitivity.begin(), sensitivity.end(), 0.0);
-  if (step == 0) return;
-  std::vector<double> along(values_.size());
-  for (std::size_t k = 0; k < knowns.size(); ++k) along[knowns[k]] += seed[k];
-  const std::vector<double> slope =
-      mode_ == Mode::initialization ? slope_of_start(along, step) : slope_here(along, step);
-  for (std::size_t k = 0; k < unknowns.size(); ++k) sensitivity[k] = slope[unknowns[k]];
+  for (const Direction& d : list) {
+    const std::vector<double> slope =
+        mode_ == Mode::initialization ? slope_of_start(d.along, d.step) : slope_here(d.along, d.step);
+    for (std::size_t k = 0; k < unknowns.size(); ++k) sensitivity[k] += slope[unknowns[k]];
+  }
 }
 
 }  // namespace espalier::fmu

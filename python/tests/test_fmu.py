@@ -138,6 +138,23 @@ def test_directional_derivatives(fmu):
     slave.freeInstance()
 
 
+def test_directional_derivatives_of_inputs_near_zero(tmp_path):
+    """sin(pi) is 1.2e-16; and a seed over inputs of 1e-5 and 1e6. Truth: a = (9.81 + small + push / 1e6) / m, within what is left of a in the last bit
+    of a step of 1e-3 times 1e-5."""
+    text = MODEL.replace("push = 1\n", "push = 0\nsmall = 0\n").replace('"inputs.push * cos(3*t)"', '"9.81 + inputs.small + inputs.push/1e6"')
+    made = esp.Model.from_text(text).export_fmu(tmp_path / "near", outputs=["m.acceleration.x"])
+    slave, reference = instance_of(made, 3)
+    slave.exitInitializationMode()
+    unknown, known = [reference["m.acceleration.x"]], [reference["small"], reference["push"]]
+    for small, push in ((0.0, 0.0), (1.2e-16, 0.0), (1e-9, 1e-300), (1e-5, 1e6), (1e3, 0.0)):
+        slave.setFloat64(known, [small, push])
+        assert slave.getDirectionalDerivative(unknown, known, [1.0, 1.0])[0] == pytest.approx(0.5 * (1 + 1e-6), abs=1e-15 / 1e-8)
+    with pytest.raises(Exception, match="fmi3SetFloat64"):
+        slave.setFloat64(known, [math.nan, 0.0])
+    slave.terminate()
+    slave.freeInstance()
+
+
 RIG = """
 units = "SI"
 gravity = [0, -9.81, 0]
