@@ -73,6 +73,28 @@ def test_a_shell_stands_on_a_block():
     assert displaced(summary, "tip", (0.2, B / 2, 0.5))[0] == pytest.approx(0.3**3 / (3 * YOUNG * INERTIA), rel=0.02)
 
 
+@pytest.mark.parametrize("slope", [0, 10, 30, 45, 60])
+def test_a_wall_that_leans_turns_with_its_block(slope):
+    """Nothing is loaded: a hub turns the block by half a radian, the wall goes with it as one rigid piece, whatever its slope to the block."""
+    b, angle = math.radians(slope), 0.5
+    top = [0.3 + 0.3 * math.sin(b), B / 2, 0.2 + 0.3 * math.cos(b)]
+    solid = {"type": "solid", "mesh": {"part": "block", "lx": 0.6, "ly": B, "lz": 0.2, "divisions": [6, 2, 2]}, "material": MATERIAL}
+    wall = plate([0.3, 0, 0.2], [0.3 * math.sin(b), 0, 0.3 * math.cos(b)], [0, B, 0], 4, 2)
+    summary = run({"hub": {"type": "rigid", "mass": 1, "box": [1, 1, 1]}, "a": solid, "b": wall}, {"weld": {"body": "b", "edge": "x0", "to": {"body": "a", "face": "z1"}}}, {}, {},
+                  [f"tip.position.{a}" for a in "xyz"], statics={}, markers={"tip": {"body": "b", **EDGE}},
+                  joints={"turn": {"type": "rotation-motor", "bodies": ["ground", "hub"], "at": [0, 0, 0], "axis": [0, 1, 0], "motion": str(angle)},
+                          "axle": {"type": "revolute", "bodies": ["ground", "hub"], "at": [0, 0, 0], "axis": [0, 1, 0]},
+                          "clamp": {"type": "fixed", "a": {"body": "hub"}, "b": {"body": "a", "face": "x0"}}})
+    x, z = top[0], top[2]
+    assert [summary["values"][f"tip.position.{a}"] for a in "xyz"] == pytest.approx(
+        [x * math.cos(angle) + z * math.sin(angle), B / 2, z * math.cos(angle) - x * math.sin(angle)], abs=1e-7)
+
+
+def test_a_tie_of_nodes_to_their_own_faces_is_refused():
+    with pytest.raises(espalier.InvalidInputError, match="ties nothing: the nodes belong to"):
+        run({"a": block(0.5, 2, 2)}, {"weld": {"body": "a", "face": "x1", "to": {"body": "a", "face": "x1"}}}, {"wall": {"body": "a", "face": "x0", "hold": "all"}}, {}, ["wall.force.z"])
+
+
 def test_a_sheet_on_a_solid_bends_with_it():
     """A sheet of t on a beam of h, over all of its top: one section of h + t, w = F L^3 / (3 E b (h + t)^3 / 12)."""
     h, t = 0.04, 0.01
@@ -246,12 +268,20 @@ def test_loads_per_length_on_a_beam():
         assert displaced(summary, "tip", (1, 0, 0))[2] == pytest.approx(-truth, rel=rel)
 
 
-def test_a_load_on_a_part_of_a_beam():
-    """From the middle to the end: q c (L - c / 2) at the root, c = L / 2."""
+@pytest.mark.parametrize("part", [(0.5, 1), (0.33, 1), (0, 0.07), (0.61, 0.63)])
+def test_a_load_on_a_part_of_a_beam(part):
+    """From a to b, also where no nodes are: q (b - a) at the root, and that times (a + b) / 2."""
+    a, b = part
     summary = run({"b": beam([0, 0, 0], [1, 0, 0])}, {}, {"wall": {"body": "b", "along": 0, "hold": "all"}},
-                  {"load": {"type": "line-load", "body": "b", "along": [0.5, 1], "force": [0, 0, -10]}}, ["wall.force.z", "wall.moment.y"])
-    assert summary["values"]["wall.force.z"] == pytest.approx(5, rel=1e-9)
-    assert abs(summary["values"]["wall.moment.y"]) == pytest.approx(5 * 0.75, rel=1e-6)
+                  {"load": {"type": "line-load", "body": "b", "along": list(part), "force": [0, 0, -10]}}, ["wall.force.z", "wall.moment.y"])
+    assert summary["values"]["wall.force.z"] == pytest.approx(10 * (b - a), rel=1e-9)
+    assert abs(summary["values"]["wall.moment.y"]) == pytest.approx(10 * (b - a) * (a + b) / 2, rel=1e-6)
+
+
+def test_a_load_on_no_length_is_refused():
+    with pytest.raises(espalier.InvalidInputError, match="no length"):
+        run({"b": beam([0, 0, 0], [1, 0, 0])}, {}, {"wall": {"body": "b", "along": 0, "hold": "all"}},
+            {"load": {"type": "line-load", "body": "b", "along": [0.5, 0.5], "force": [0, 0, -10]}}, ["wall.force.z"])
 
 
 def follower_elastica(q, length, bending):

@@ -52,6 +52,8 @@ class TieBuilder {
     if (free_ == static_cast<long>(nodes.size()))
       fail(spec_.place,
            fmt::format("ties nothing: none of the nodes lies on {}; 'tolerance' says how far away they may be", to));
+    if (equations_.empty() && products_.empty())
+      fail(spec_.place, fmt::format("ties nothing: the nodes belong to {}", to));
     if (free_ > 0)
       out_.notices.push_back(fmt::format("{}: {} nodes lie too far from {} and stay free", spec_.name, free_, to));
     if (!equations_.empty()) out_.system.add(std::make_unique<NodeEquations>(spec_.name, std::move(equations_)));
@@ -106,6 +108,13 @@ class TieBuilder {
     return true;
   }
 
+  /// A vector by those of the material.
+  [[nodiscard]] static Vec3 shares_of(const Vec3& vector, const TiePoint& at) {
+    Mat3 basis;
+    for (Eigen::Index k = 0; k < 3; ++k) basis.col(k) = at.axes[static_cast<std::size_t>(k)].value;
+    return basis.inverse() * vector;
+  }
+
   /// A director turns with the material that it stands on. What it makes with the vectors there is linear where it
   /// lies along what turns as it does: the other director, the section of a beam. Across them their product is what
   /// stays; of two shells this leaves the turn within the plane of the other one free, which thin shells do not feel.
@@ -117,9 +126,7 @@ class TieBuilder {
     };
     const bool is_beam = std::holds_alternative<BeamSpec>(to_.spec.shape);
     if (is_beam ? shares(at.axes[0]) <= std::sqrt(1 - kAlong * kAlong) : shares(at.axes[2]) >= kAlong) {
-      Mat3 basis;
-      for (Eigen::Index k = 0; k < 3; ++k) basis.col(k) = at.axes[static_cast<std::size_t>(k)].value;
-      const Vec3 by_axis = basis.inverse() * director;
+      const Vec3 by_axis = shares_of(director, at);
       TiePoint::Parts other;
       for (std::size_t k = 0; k < 3; ++k)
         for (const auto& [part, factor] : at.axes[k].parts)
@@ -134,10 +141,10 @@ class TieBuilder {
                            label(node) + ", angle"});
   }
 
-  /// A node of a shell at the faces of a solid: both sides of its thickness where it stands on them, the nearer side
-  /// where it lies on them.
+  /// A node of a shell at the faces of a solid: both sides of its thickness where it stands on them, at whatever slope,
+  /// the nearer side where it lies on them. What of the director stands out of the faces turns with the material below.
   bool tie_sides(Index node) {
-    constexpr double kLies = 0.7;
+    constexpr double kLies = 0.9;
     const Index place = 2 * node;
     const Vec3 middle = at_start(*body_.flexible, place), director = at_start(*body_.flexible, place + 1);
     const double half = 0.5 * shell_->thickness;
@@ -163,6 +170,15 @@ class TieBuilder {
       difference.emplace_back(vertex, -0.5 / half * factor);
     }
     hold({{place, 1}}, sum, label(node));
+    Vec3 out = director;
+    for (const auto& [vertex, factor] : difference) out -= factor * at_start(*to_.flexible, vertex);
+    constexpr double kRounding = 1e-12;
+    if (out.norm() > kRounding * director.norm()) {
+      const Vec3 by_axis = shares_of(out, mean);
+      for (std::size_t k = 0; k < 3; ++k)
+        for (const auto& [vertex, factor] : mean.axes[k].parts)
+          difference.emplace_back(vertex, by_axis[static_cast<Eigen::Index>(k)] * factor);
+    }
     hold({{place + 1, 1}}, difference, label(node) + ", director");
     return true;
   }

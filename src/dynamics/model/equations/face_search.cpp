@@ -9,8 +9,13 @@
 namespace espalier::dynamics::model {
 
 FaceSearch::FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place) {
-  for (const MeshFace& f : faces)
-    add(shape_of(mesh.type(f.element)).faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), place);
+  for (const MeshFace& f : faces) {
+    const ElementShape& shape = shape_of(mesh.type(f.element));
+    add(shape.faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), place);
+    Face& face = faces_.back();
+    for (const Index node : mesh.element(f.element).first(static_cast<std::size_t>(shape.corners)))
+      if (std::find(face.nodes.begin(), face.nodes.end(), node) == face.nodes.end()) face.behind.push_back(node);
+  }
 }
 
 FaceSearch::FaceSearch(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place) {
@@ -18,7 +23,7 @@ FaceSearch::FaceSearch(std::span<const std::array<Index, 4>> quads, const std::f
 }
 
 void FaceSearch::add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place) {
-  Face face{type, std::move(nodes), {}, Vec3::Zero(), 0};
+  Face face{type, std::move(nodes), {}, Vec3::Zero(), 0, {}};
   for (const Index n : face.nodes) {
     face.places.push_back(place(n));
     face.centre += face.places.back() / static_cast<double>(face.nodes.size());
@@ -77,6 +82,7 @@ FacePoint FaceSearch::project(const Face& face, const Vec3& point) {
     out.slopes[1].push_back(f.s[a]);
   }
   out.tangents = {xr, xs};
+  out.behind = face.behind;
   out.distance = (point - x).norm();
   out.extent = 2 * face.radius;
   return out;

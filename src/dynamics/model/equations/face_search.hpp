@@ -18,6 +18,7 @@ struct FacePoint {
   double distance = 0, extent = 0;                ///< to the point that was asked for; of the face
   std::array<std::vector<double>, 2> slopes{};    ///< of the same nodes in the tangents, along the face's coordinates
   std::array<Vec3, 2> tangents{Vec3::Zero(), Vec3::Zero()};
+  std::vector<Index> behind{};  ///< corners of the element that are not of the face; none of shells
   [[nodiscard]] Vec3 normal() const { return tangents[0].cross(tangents[1]).normalized(); }
 };
 
@@ -37,6 +38,7 @@ class FaceSearch {
     std::vector<Vec3> places;
     Vec3 centre;
     double radius;
+    std::vector<Index> behind{};
   };
   void add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place);
   static FacePoint project(const Face& face, const Vec3& point);

@@ -19,19 +19,30 @@ using PlaceOf = std::function<Vec3(Index)>;  // a vertex, at the start
 
 class SolidTarget final : public TieTarget {
  public:
-  SolidTarget(const Mesh& mesh, const std::vector<MeshFace>& faces, const PlaceOf& place)
-      : search_(mesh, faces, place) {}
+  SolidTarget(const Mesh& mesh, const std::vector<MeshFace>& faces, PlaceOf place)
+      : place_(std::move(place)), search_(mesh, faces, place_) {}
   [[nodiscard]] TiePoint nearest(const Vec3& point, Index /*own*/) const override {
     FacePoint at = search_.nearest(point);
     TiePoint out;
     out.normal = at.normal();
     out.distance = at.distance;
     out.reach = kNear * at.extent;
+    out.axes.resize(3);
+    for (std::size_t k = 0; k < 2; ++k) {
+      out.axes[k].value = at.tangents[k];
+      for (std::size_t a = 0; a < at.weights.size(); ++a)
+        out.axes[k].parts.emplace_back(at.weights[a].first, at.slopes[k][a]);
+    }
+    out.axes[2].parts = at.weights;  // out of the element
+    for (const Index node : at.behind)
+      out.axes[2].parts.emplace_back(node, -1.0 / static_cast<double>(at.behind.size()));
+    for (const auto& [node, share] : out.axes[2].parts) out.axes[2].value += share * place_(node);
     out.place = std::move(at.weights);
     return out;
   }
 
  private:
+  PlaceOf place_;
   FaceSearch search_;
 };
 
@@ -173,7 +184,7 @@ std::unique_ptr<TieTarget> make_tie_target(const BuiltBody& body, const std::str
     if (face.empty())
       throw std::invalid_argument(
           fmt::format("needs 'face', the face set of '{}' that the nodes stay on", body.spec.name));
-    return std::make_unique<SolidTarget>(*body.mesh, body.mesh->face_set(face), place);
+    return std::make_unique<SolidTarget>(*body.mesh, body.mesh->face_set(face), std::move(place));
   }
   if (!face.empty())
     throw std::invalid_argument(fmt::format(

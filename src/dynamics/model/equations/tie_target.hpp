@@ -20,8 +20,9 @@ struct TiePoint {
     Parts parts;
     Vec3 value = Vec3::Zero();
   };
-  Parts place;                 ///< with a constant rest where the body has no material vectors
-  std::vector<Axis> axes;      ///< three of shells and beams; the first are tangents, the last of shells the director
+  Parts place;                 ///< of solids and cables with a constant rest
+  std::vector<Axis> axes;      ///< three, of cables none; the first are tangents, the last of shells the director, of
+                               ///< solids one out of the element
   Vec3 normal = Vec3::Zero();  ///< of the face of a solid
   double distance = 0;         ///< from the body to the point that was asked for
   double reach = 0;            ///< up to which distance a node is taken as lying there, unless the text says
