@@ -10,5 +10,6 @@
 #include "espalier/matrix.hpp"
 #include "espalier/modes.hpp"
 #include "espalier/schur.hpp"
+#include "espalier/solve_rows.hpp"
 #include "espalier/solver.hpp"
 #include "espalier/types.hpp"

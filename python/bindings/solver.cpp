@@ -195,6 +195,18 @@ void bind_solver(nb::module_& m) {
             return nb::make_tuple(status_of(r.status), fields(r));
           },
           "b"_a, "x"_a, "columns"_a, "transpose"_a, "stream"_a)
+      .def(
+          "solve_rows",
+          [](SolverHandle& s, const Pointers& p, const Indices& i, const Values& v, const Indices& rows,
+             int transpose) {
+            RowsSolved solved = s.solve_rows(p, i, v, rows, transpose);
+            const SolveRowsResult& r = solved.result;
+            const std::size_t doubles = solved.x.size();
+            return nb::make_tuple(status_of(r.status), array_of(std::move(solved.x), {doubles}),
+                                  nb::make_tuple(r.seconds, r.solve_seconds, r.refinement_steps, r.backward_error,
+                                                 r.componentwise_error, r.share));
+          },
+          array("pointers"), array("indices"), array("values"), array("rows"), "transpose"_a)
       .def("gpu", &SolverHandle::gpu)
       .def("condition",
            [](SolverHandle& s) {

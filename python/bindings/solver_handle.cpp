@@ -314,6 +314,27 @@ AnyInverse SolverHandle::trace_of_inverse(const Pointers& pointers, const Indice
   });
 }
 
+RowsSolved SolverHandle::solve_rows(const Pointers& pointers, const Indices& indices, const Values& values,
+                                    const Indices& rows, int transpose) {
+  return call([&] {
+    return with_analyzed([&](auto& solver) {
+      using Number = NumberOf<std::remove_reference_t<decltype(solver)>>;
+      constexpr std::size_t kParts = sizeof(Number) / sizeof(double);
+      const std::size_t columns = pointers.size() - 1;
+      RowsSolved out;
+      out.x.resize(kParts * columns * rows.size());
+      const SparseColumnsOf<Number> b{{pointers.data(), pointers.size()},
+                                      {indices.data(), indices.size()},
+                                      {reinterpret_cast<const Number*>(values.data()), values.size() / kParts}};
+      const bool other = kParts == 1 && (transpose != 0) != transposed_;
+      const Transpose how = kParts == 2 ? static_cast<Transpose>(transpose) : other ? Transpose::yes : Transpose::no;
+      out.result = espalier::solve_rows(solver, b, {rows.data(), rows.size()},
+                                        {reinterpret_cast<Number*>(out.x.data()), columns * rows.size()}, how);
+      return out;
+    });
+  });
+}
+
 Status SolverHandle::save_analysis(const std::string& path) {
   return call([&] { return with_analyzed([&](auto& solver) { return solver.save_analysis(path); }); });
 }

@@ -16,6 +16,7 @@
 
 #include "espalier/complex_solver.hpp"
 #include "espalier/inverse.hpp"
+#include "espalier/solve_rows.hpp"
 #include "espalier/solver.hpp"
 #include "host.hpp"
 #include "turns.hpp"
@@ -57,6 +58,12 @@ struct AnyInverse {
   std::vector<double> x;
 };
 
+/// Wanted unknowns, as doubles.
+struct RowsSolved {
+  SolveRowsResult result;
+  std::vector<double> x;
+};
+
 class SolverHandle {
  public:
   SolverHandle();
@@ -87,6 +94,9 @@ class SolverHandle {
   SolveResult solve_device(std::uintptr_t b, std::uintptr_t x, Index columns, bool transpose, std::uintptr_t stream);
   /// See Solver::gpu().
   int gpu();
+  /// See espalier::solve_rows(); right-hand sides by columns. @param values  of complex systems their parts
+  RowsSolved solve_rows(const Pointers& pointers, const Indices& indices, const Values& values, const Indices& rows,
+                        int transpose);
   ConditionResult condition();
   /// Of the matrix that the C++ solver holds: see inverse.hpp. A pattern by its columns. transpose: of its transpose
   AnyInverse selected_inverse(const Pointers& pointers, const Indices& indices, bool transpose);

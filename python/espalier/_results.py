@@ -117,6 +117,14 @@ class Solve(_Table):
 
 
 @dataclass(frozen=True, repr=False)
+class SolveRows(Solve):
+    """Of solve(b, rows=...). `share`: of the factor's entries that were read, of both sweeps; below 1 the errors are those of a
+    whole solution by the same factor, without refinement, for a random right-hand side."""
+
+    share: float
+
+
+@dataclass(frozen=True, repr=False)
 class InverseEntries(_Table):
     """Of entries of an inverse. `error`: estimated, the largest error of an entry over the largest entry of its column of
     A^-1 (of A^-T where A is of compressed rows); `entry_error`: over the entry itself. `checked` columns were solved for and

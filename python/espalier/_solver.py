@@ -5,7 +5,7 @@ import os
 import warnings
 from typing import TYPE_CHECKING, Any, overload
 
-from . import _checks, _core, _device
+from . import _checks, _core, _device, _rows
 from ._errors import AccuracyWarning, Error, make_error, transposed_error
 from ._inverse import SelectedInverse
 from ._matrices import _arrays, _floats, _indices, _numbers
@@ -257,11 +257,12 @@ class Solver(SelectedInverse, Inverse):
         return "factorizing", self.analysis.predicted_seconds if before is None else before.seconds
 
     @overload
-    def solve(self, b: "NDArray[Any]", *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ...) -> "NDArray[Any]": ...
+    def solve(self, b: "NDArray[Any]", *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ...,
+              rows: Any = ...) -> "NDArray[Any]": ...
     @overload
-    def solve(self, b: Any, *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ...) -> Any: ...
+    def solve(self, b: Any, *, out: Any = ..., transpose: "bool | str" = ..., stream: Any = ..., rows: Any = ...) -> Any: ...
 
-    def solve(self, b: Any, *, out: Any = None, transpose: "bool | str" = False, stream: Any = None) -> Any:
+    def solve(self, b: Any, *, out: Any = None, transpose: "bool | str" = False, stream: Any = None, rows: Any = None) -> Any:
         """x with A x = b, A^T x = b (transpose=True) or A^H x = b (transpose="H"): float64 of the shape of b, (n,) or (n, k);
         complex128 where A or b is complex.
 
@@ -270,12 +271,21 @@ class Solver(SelectedInverse, Inverse):
 
         b may lie on the GPU that holds the factor; so does x then, an array of the same library (CuPy, torch, JAX, numba;
         of others, `out` must be given). Columns in C order are rearranged by their library. stream: as for factorize();
-        x is there when the call returns."""
+        x is there when the call returns.
+
+        rows: indices of unknowns that are wanted; x has these alone, (len(rows),) or (len(rows), k). b may be a matrix or array
+        of scipy.sparse then, (n, k). Only the part of the factor is read that leads from the entries of b to these unknowns;
+        `last_solve` is a SolveRows then. Not refined: where the factor is not good enough for that, or lies on a GPU, whole
+        solutions are made (`last_solve.share` is 1)."""
         import numpy as np
 
         if self._n == 0:
             raise RuntimeError("there is no matrix yet: call factorize(A) first")
         self._factored()
+        if rows is not None:
+            if out is not None or stream is not None:
+                raise ValueError("rows: out and stream are for whole solutions")
+            return _rows.solve_rows(self, b, rows, _checks.transposition(transpose))
         if type(b) is not np.ndarray and _device.on_gpu(b):
             return self._solve_on_gpu(b, out, transpose, stream)
         b = _numbers(b, "b", True)
@@ -313,17 +323,22 @@ class Solver(SelectedInverse, Inverse):
             if columns.shape[1] > 0:
                 self._solved(self._core.solve(parts.T, x.T, parts.shape[1], int(bool(transpose))))
             return (x[:, :columns.shape[1]] + 1j * x[:, columns.shape[1]:]).reshape(b.shape)
+        how, turned = self._complex_way(transpose)
+        right = np.asfortranarray(columns.conj() if turned else columns)
+        x = np.empty_like(right)
+        if columns.shape[1] > 0:
+            self._solved(self._core.solve(_floats(right.T), _floats(x.T), columns.shape[1], how))
+        return (x.conj() if turned else x).reshape(b.shape)
+
+    def _complex_way(self, transpose: "bool | str") -> "tuple[int, bool]":
+        """Which system of what the solver holds is solved, and whether for the conjugates of b and x."""
         how = 2 if transpose == "H" else int(transpose)
         turned = self._by_rows and self._storage == 0 and how == 2  # the solver holds A^T: A^H is its conjugate
         if self._by_rows and self._storage == 0:
             how = int(how == 0)
         elif self._by_rows and self._storage >= 4:  # ... which of a Hermitian matrix is A's conjugate
             how = int(how != 1)
-        right = np.asfortranarray(columns.conj() if turned else columns)
-        x = np.empty_like(right)
-        if columns.shape[1] > 0:
-            self._solved(self._core.solve(_floats(right.T), _floats(x.T), columns.shape[1], how))
-        return (x.conj() if turned else x).reshape(b.shape)
+        return how, turned
 
     def _check_rows(self, b: Any) -> None:
         if b.ndim not in (1, 2) or b.shape[0] != self._n:
@@ -331,9 +346,12 @@ class Solver(SelectedInverse, Inverse):
 
     def _solved(self, answer: Any) -> None:
         status, found = answer
-        self.last_solve = Solve(*found)
+        self._judged(status, Solve(*found))
+
+    def _judged(self, status: "tuple[int, str, int]", found: Solve) -> None:
+        self.last_solve = found
         if status[0] == 7:
-            warnings.warn(status[1], AccuracyWarning, stacklevel=3)
+            warnings.warn(status[1], AccuracyWarning, stacklevel=4)
         elif status[0]:
             raise make_error(*status)
 

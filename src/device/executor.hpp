@@ -69,6 +69,13 @@ class LeftContributions {
   virtual void copy(Index front, Value* to) const = 0;
 };
 
+/// The fronts that a substitution passes where few entries of right-hand sides are not zero and few unknowns are
+/// wanted. With a front those above it.
+struct FrontPaths {
+  std::span<const char> up;    ///< fronts; not 0: entries that are not zero reach it
+  std::span<const char> down;  ///< fronts; not 0: it leads from a root to a wanted unknown
+};
+
 /// Entries of an inverse that are asked of a factor, in any order.
 template <class T>
 struct InverseEntries {
@@ -98,6 +105,12 @@ class Executor {
   /// row-major with `columns` values per row. transpose: solves with the transposed matrix (lu; a symmetric or
   /// Hermitian one is solved with itself).
   virtual void solve(T* x, Index columns, bool transpose) = 0;
+  /// The same on paths alone: of x only the rows of fronts on one of them are read, and of the solutions only those of
+  /// fronts on the way down are written, to the bits of solve(). @pre x is zero in the fronts on the way down alone
+  /// @returns false where the backend does not do that; nothing is written then
+  virtual bool solve_on_paths(T* /*x*/, Index /*columns*/, bool /*transpose*/, const FrontPaths& /*paths*/) {
+    return false;
+  }
   /// ldlt: the inverse of D of the last factorization, n each in elimination order: its diagonal, and what stands below
   /// it, which is not zero at the first column of a 2 x 2 pivot. @returns false where the backend does not tell
   virtual bool copy_inverse_pivots(std::span<T> /*d*/, std::span<T> /*e*/) const { return false; }

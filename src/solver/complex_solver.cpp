@@ -48,22 +48,9 @@ ComplexFactorResult complex_result(FactorResult from, const solver::Factor& fact
   return r;
 }
 
-// A^T of a Hermitian matrix is its conjugate, as is A^H of a symmetric one; A^H x = b of a general one is A^T with the
-// conjugates of both. How a system is solved with A or A^T alone:
-struct Turned {
-  bool transpose = false;  ///< with A^T (lu)
-  bool conjugate = false;  ///< for the conjugates of x and b
-};
-Turned turned(const solver::Analysis& a, Transpose wish) {
-  if (wish == Transpose::no) return {};
-  if (a.kind() == Kind::lu) return {true, wish == Transpose::conjugate};
-  const bool hermitian = a.system->numbers() == base::Numbers::hermitian;
-  return {false, (wish == Transpose::yes) == hermitian};
-}
-
 // op(A) X = B for vectors of the whole system; x may be b.
 SolveResult solve_whole(Session& s, const double* b, double* x, Index columns, Transpose transpose) {
-  const Turned how = turned(s.current(), transpose);
+  const solver::Turned how = solver::turned(s.current(), transpose);
   const auto count = static_cast<Offset>(s.current().n()) * columns;
   std::vector<double> copy;
   solver::SolveJob job{b, x, columns, how.transpose};

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <complex>
 #include <cstdint>
@@ -133,6 +134,13 @@ class Factor {
   [[nodiscard]] bool goes_to_fp64();
   /// op(A)^-1 B by the factor, or by substitution; n numbers each, column-major.
   void solve(const double* b, double* x, Index columns, bool transpose);
+  /// Backward errors of a solution that nobody refines, by make(), once for each factorization.
+  const solve::BackwardError& error_without_refinement(bool transpose,
+                                                       const std::function<solve::BackwardError()>& make) {
+    Unrefined& u = unrefined_[transpose ? 1 : 0];
+    if (u.stamp != stamp_) u = {stamp_, make()};
+    return u.error;
+  }
   /// Whether solve() does without the factor.
   [[nodiscard]] bool substitutes() const { return substitution_.has_value(); }
   /// Does so from now on where the matrix is triangular in some order of its rows and columns. Looked at once for each
@@ -229,6 +237,11 @@ class Factor {
   std::vector<RankCorrection> corrections_;   // of solutions: vanishing pivots of lu stand for more than zeros
   bool gave_up_ = false;                      // no place was found for failing pivots
   FactorResult result_;
+  struct Unrefined {
+    std::uint64_t stamp = 0;
+    solve::BackwardError error;
+  };
+  std::array<Unrefined, 2> unrefined_;  // with A, with A^T
   std::uint64_t stamp_ = 0;
   std::complex<double> phase_ = 1;  // complex: the determinant over its magnitude and sign
   bool factorized_ = false;

@@ -7,10 +7,12 @@
 #include <vector>
 
 #include "analysis/border.hpp"
+#include "base/at.hpp"
 #include "base/scalar.hpp"
 #include "base/stage.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/plan_vectors.hpp"
 #include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
@@ -24,7 +26,6 @@ constexpr Index kMostColumnsAtOnce = 32;  // right-hand sides per sweep: 32 doub
 template <class T, bool kRealForm = false>
 class NumericOf final : public Numeric {
   using Value = base::WideOf<T>;
-  using Number = std::conditional_t<kRealForm, std::complex<double>, Value>;  // of the system's vectors
   static constexpr bool kComplex = base::ScalarTraits<T>::is_complex;
 
  public:
@@ -45,6 +46,7 @@ class NumericOf final : public Numeric {
         pool_(context.pool),
         budget_(context.budget),
         link_(context.link),
+        vectors_(prepared_, real_form_, pool_),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
     // A Cholesky pivot is judged by its diagonal entry.
@@ -160,6 +162,32 @@ class NumericOf final : public Numeric {
       done += now;
       if (stage != nullptr) stage->reach(done);
     }
+  }
+
+  std::optional<double> solve_rows(const RowsJob& job) override {
+    if (device_ != nullptr || link_ != nullptr) return {};
+    const auto places = vectors_.places(*plan_, job.transpose);
+    const auto columns = static_cast<Index>(job.col_ptr.size() - 1);
+    const auto fronts = static_cast<std::size_t>(plan_->fronts());
+    std::vector<char> up(fronts), down(fronts);
+    for (const Index u : job.unknowns) mark_path(*plan_, places.of_solution[at(u)], down);
+    double read = 0;
+    for (Index first = 0; first < columns; first += kMostColumnsAtOnce) {
+      const Index now = std::min(kMostColumnsAtOnce, columns - first);
+      const std::span<const Offset> some = job.col_ptr.subspan(at(first), at(now) + 1);
+      std::fill(up.begin(), up.end(), 0);
+      for (Offset q = some.front(); q < some.back(); ++q)
+        mark_path(*plan_, places.of_right[at(job.row_ind[at(q)])], up);
+      const Index width = width_of(now);
+      take_room(width);
+      vectors_.take_entries(*plan_, scales_, job, places, some, width, {up, down}, rhs_.data());
+      if (!executor_->solve_on_paths(rhs_.data(), width, job.transpose, {up, down})) return {};
+      vectors_.give_unknowns(scales_, job, places, first, now, width, rhs_.data());
+      read += entries_on(*plan_, up) + entries_on(*plan_, down);
+    }
+    const std::vector<char> all(fronts, 1);
+    const double whole = 2.0 * entries_on(*plan_, all) * ((columns + kMostColumnsAtOnce - 1) / kMostColumnsAtOnce);
+    return whole > 0 ? read / whole : 1;
   }
 
   // B^-1(c, c') is scaled back to the entry (c, i) of A^-1 for the row i that is matched to c'. Of a real form the
@@ -310,108 +338,31 @@ class NumericOf final : public Numeric {
     return arrays;
   }
 
-  static double factor_of(const std::vector<double>& scale, Index i) {
-    return scale.empty() ? 1.0 : scale[static_cast<std::size_t>(i)];
+  static Index width_of(Index columns) {
+    constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));
+    return columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
+  }
+
+  void take_room(Index width) {
+    if (rhs_.size() >= static_cast<Offset>(plan_->tree.n) * width) return;
+    rhs_ = base::Buffer<T>();
+    const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
+    if (link_ == nullptr) return take();
+    try {
+      link_->expect_all(take);  // all go on with fewer right-hand sides, or none
+    } catch (...) {
+      rhs_ = base::Buffer<T>();  // or this rank alone would not take part the next time
+      throw;
+    }
   }
 
   void solve_together(const double* b, double* x, Index columns, bool transpose) {
-    constexpr Index kGroup = static_cast<Index>(64 / sizeof(T));
-    const Index width = columns == 1 ? 1 : (columns + kGroup - 1) / kGroup * kGroup;
-    if (rhs_.size() < static_cast<Offset>(plan_->tree.n) * width) {
-      rhs_ = base::Buffer<T>();
-      const auto take = [&] { rhs_ = base::Buffer<T>(static_cast<Offset>(plan_->tree.n) * width, &budget_); };
-      if (link_ == nullptr) {
-        take();
-      } else {
-        try {
-          link_->expect_all(take);  // all go on with fewer right-hand sides, or none
-        } catch (...) {
-          rhs_ = base::Buffer<T>();  // or this rank alone would not take part the next time
-          throw;
-        }
-      }
-    }
-    find_units(reinterpret_cast<const Number*>(b), columns, transpose);
-    gather(b, columns, width, transpose);
+    const Index width = width_of(columns);
+    take_room(width);
+    vectors_.take(*plan_, scales_, b, columns, width, transpose, rhs_.data());
     executor_->solve(rhs_.data(), width, transpose);
-    scatter(x, columns, width, transpose);
+    vectors_.give(*plan_, scales_, rhs_.data(), columns, width, transpose, x);
   }
-
-  // FP32: a right-hand side may be far from 1 where the scaled matrix is not. It is measured in a power of two, which
-  // changes no digit.
-  void find_units(const Number* b, Index columns, bool transpose) {
-    if (base::keeps_fp64<T>) return;
-    unit_.assign(static_cast<std::size_t>(columns), 1);
-    const Index n = prepared_.n();
-    pool_.for_each_range(columns, 1, [&](std::int64_t c, std::int64_t) {
-      double most = 0;
-      for (Index k = 0; k < n; ++k) {
-        const Index i = transpose ? k : prepared_.row_of(k);
-        const double v =
-            std::abs(factor_of(transpose ? scales_.col : scales_.row, i) * b[static_cast<Offset>(c) * n + i]);
-        if (v > most) most = v;
-      }
-      if (most > 0 && std::isfinite(most) && (most > kFar || most < 1 / kFar))
-        unit_[static_cast<std::size_t>(c)] = std::ldexp(1.0, std::clamp(std::ilogb(most), -1000, 1000));
-    });
-  }
-
-  [[nodiscard]] T in_unit(Value v, Index c) const {
-    return base::narrowed<T>(base::keeps_fp64<T> ? v : v / unit_[static_cast<std::size_t>(c)]);
-  }
-  [[nodiscard]] Value from_unit(T v, Index c) const {
-    return base::keeps_fp64<T> ? Value(v) : static_cast<Value>(v) * unit_[static_cast<std::size_t>(c)];
-  }
-
-  // The number, or part of a number, that a column of the plan stands for.
-  struct Unknown {
-    Index number, part;
-  };
-  static Unknown unknown_of(Index col) { return kRealForm ? Unknown{col / 2, col % 2} : Unknown{col, 0}; }
-  // Where it stands in a vector, in terms of Value.
-  static Offset place(Offset number, Index part) { return kRealForm ? 2 * number + part : number; }
-
-  // Scaled right-hand sides in elimination order; columns that pad the width are zero. Those of a real form are
-  // conjugated, but for Hermitian matrices.
-  void gather(const double* from, Index columns, Index width, bool transpose) {
-    const Index n = prepared_.n();
-    const auto* b = reinterpret_cast<const Value*>(from);
-    const bool conjugated = kRealForm && !real_form_->hermitian;
-    const std::vector<double>& scales = transpose ? scales_.col : scales_.row;
-    pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
-      for (auto k = begin; k < end; ++k) {
-        const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
-        const Index i = transpose ? col : prepared_.row_of(col);
-        const double scale = factor_of(scales, i);
-        const double s = conjugated && part == 1 ? -scale : scale;
-        T* row = rhs_.data() + k * width;
-        if (width == 1) {
-          *row = in_unit(s * b[place(i, part)], 0);
-          continue;
-        }
-        for (Index c = 0; c < columns; ++c) row[c] = in_unit(s * b[place(static_cast<Offset>(c) * n + i, part)], c);
-        std::fill(row + columns, row + width, T(0));
-      }
-    });
-  }
-
-  void scatter(double* to, Index columns, Index width, bool transpose) {
-    const Index n = prepared_.n();
-    auto* x = reinterpret_cast<Value*>(to);
-    const std::vector<double>& scales = transpose ? scales_.row : scales_.col;
-    pool_.for_each_range(plan_->tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
-      for (auto k = begin; k < end; ++k) {
-        const auto [col, part] = unknown_of(plan_->tree.order[static_cast<std::size_t>(k)]);
-        const Index i = transpose ? prepared_.row_of(col) : col;
-        const double s = factor_of(scales, i);
-        const T* row = rhs_.data() + k * width;
-        for (Index c = 0; c < columns; ++c) x[place(static_cast<Offset>(c) * n + i, part)] = s * from_unit(row[c], c);
-      }
-    });
-  }
-
-  static constexpr std::int64_t kRows = 8192;  // rows per range of work
-  static constexpr double kFar = 0x1p40;       // from 1: then a right-hand side gets a unit of its own
 
   const plan::Plan* plan_;
   double flops_, predicted_seconds_;  // of a factorization
@@ -434,7 +385,7 @@ class NumericOf final : public Numeric {
   bool factorized_ = false;  // values_ are those of the executor's last factorization
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;
-  std::vector<double> unit_;      // FP32: of the right-hand sides in work
+  PlanVectors<T, kRealForm> vectors_;
   std::vector<Index> position_;   // Hermitian: n, by column
   std::vector<Offset> diagonal_;  // llt, without device_: n, by position
   std::vector<double> smallest_;  // likewise: a pivot below is suspicious

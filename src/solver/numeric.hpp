@@ -19,6 +19,16 @@ struct BorderContribution {
   std::vector<double> values;  ///< rows x rows, column-major; of a symmetric matrix the lower triangle alone
 };
 
+/// op(A) X = B where B has few entries and few unknowns of X are wanted (SparseColumnsOf). Numbers as doubles.
+struct RowsJob {
+  std::span<const Offset> col_ptr;
+  std::span<const Index> row_ind;  ///< of a column, each once
+  const double* values = nullptr;
+  std::span<const Index> unknowns;
+  double* x = nullptr;  ///< unknowns x columns, column-major
+  bool transpose = false;
+};
+
 /// Hides the numbers and the precision of the factor from the solver. Vectors are doubles (base::Numbers).
 class Numeric {
  public:
@@ -53,6 +63,9 @@ class Numeric {
   virtual void scale_by_matching(bool matching) = 0;
   /// Solves op(A) x = b for `columns` right-hand sides, column-major, n numbers each; x may alias b.
   virtual void solve(const double* b, double* x, Index columns, bool transpose) = 0;
+  /// By substitution on the paths between them. @returns the share of the factor's entries that were read; nothing
+  /// where the executor does not do that
+  virtual std::optional<double> solve_rows(const RowsJob& job) = 0;
   /// Entries (unknown, row) of the inverse of the matrix of the last factorization, by its factor alone: see
   /// Executor::invert_at(). @param values  as many numbers
   virtual bool invert_at(std::span<const Index> unknowns, std::span<const Index> rows, double* values,

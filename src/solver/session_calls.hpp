@@ -1,6 +1,6 @@
 /// \file
 /// What the calls of Solver and ComplexSolver have in common: failures as statuses, results as copies. Used by the
-/// sources of these two alone.
+/// sources of these two and of what works with their factors.
 #pragma once
 
 #include <fmt/format.h>

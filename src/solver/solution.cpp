@@ -301,6 +301,13 @@ double estimate_condition(Factor& factor) {
   return inverse * norm;
 }
 
+Turned turned(const Analysis& a, Transpose wish) {
+  if (wish == Transpose::no) return {};
+  if (a.kind() == Kind::lu) return {true, wish == Transpose::conjugate};
+  const bool hermitian = a.system->numbers() == base::Numbers::hermitian;
+  return {false, (wish == Transpose::yes) == hermitian};
+}
+
 void conjugate(double* x, Offset count) {
   for (Offset k = 0; k < count; ++k) x[2 * k + 1] = -x[2 * k + 1];
 }

@@ -23,6 +23,14 @@ SolveResult solve_device(Factor& factor, const SolveJob& job, void* queue, const
 /// 1-norm condition number, a lower bound.
 double estimate_condition(Factor& factor);
 
+/// A^T of a Hermitian matrix is its conjugate, as is A^H of a symmetric one; A^H x = b of a general one is A^T with the
+/// conjugates of both. How a complex system is solved with A or A^T alone:
+struct Turned {
+  bool transpose = false;  ///< with A^T (lu)
+  bool conjugate = false;  ///< for the conjugates of x and b
+};
+Turned turned(const Analysis& a, Transpose wish);
+
 /// Of complex numbers.
 void conjugate(double* x, Offset count);
 

@@ -16,13 +16,12 @@
 #include "espalier/complex_solver.hpp"
 #include "solver/as_real_form.hpp"
 #include "solver/gpu_fixture.hpp"
+#include "solver/solver_common.hpp"
 
 namespace espalier::test {
 
 using Value = std::complex<double>;
 using Dense = Eigen::MatrixXcd;
-
-constexpr double kEps = std::numeric_limits<double>::epsilon();
 
 enum class Sort { symmetric, hermitian, definite, general };
 

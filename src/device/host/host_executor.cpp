@@ -138,6 +138,10 @@ class HostExecutor final : public Executor<T> {
   }
 
   void solve(T* x, Index columns, bool transpose) override { solve_.run(x, columns, transpose); }
+  bool solve_on_paths(T* x, Index columns, bool transpose, const FrontPaths& paths) override {
+    solve_.run(x, columns, transpose, &paths);
+    return true;
+  }
   bool invert_at(const InverseEntries<T>& entries) override {
     host::invert_at(state_, pool_, budget_, entries);
     return true;

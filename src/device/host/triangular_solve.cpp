@@ -148,10 +148,11 @@ void TriangularSolve<T>::prepare(Index nr) {
 }
 
 template <class T>
-void TriangularSolve<T>::run(T* x, Index nr, bool transpose) {
+void TriangularSolve<T>::run(T* x, Index nr, bool transpose, const FrontPaths* paths) {
   prepare(nr);
   x_ = x;
   nr_ = nr;
+  paths_ = paths;
   transpose_ = transpose && s_.kind == Kind::lu;
   const auto reset = [&](bool back) {
     tile_done_.reset();
@@ -196,8 +197,10 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
 
 template <class T>
 void TriangularSolve<T>::forward(const SolveTask& task, Worker& w) {
+  if (!passes_up(task.front)) return;  // with a front those above it
   if (task.tile >= 0) return forward_tile(task.front, task.tile, w);
   for (Index f = task.begin; f <= task.front; ++f) {
+    if (!passes_up(f)) continue;
     forward_front(f, w);
     if (f == task.front) finish_forward(f);
     front_done_.set(f);
@@ -211,8 +214,10 @@ void TriangularSolve<T>::finish_forward(Index f) {
 
 template <class T>
 void TriangularSolve<T>::backward(const SolveTask& task, Worker& w) {
+  if (!passes_down(task.front)) return;
   if (task.tile >= 0) return backward_tile(task.front, task.tile, w);
   for (Index f = task.front; f >= task.begin; --f) {
+    if (!passes_down(f)) continue;
     backward_front(f, w);
     front_done_.set(f);
   }
@@ -239,6 +244,7 @@ template <class T>
 void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to, const Worker& w) const {
   for (Offset q = plan_.child_ptr[f]; q < plan_.child_ptr[f + 1]; ++q) {
     const Index child = plan_.children[q];
+    if (!passes_up(child)) continue;  // it has left zeros
     front_done_.wait(child, s_.abort);
     const Index* relative = plan_.places_in_parent(child);
     const Index below = plan_.layout[child].below();

@@ -49,7 +49,8 @@ class TriangularSolve {
   /// Memory for `nr` right-hand sides, where there is not enough.
   void prepare(Index nr);
   /// x (n x nr, elimination order) holds b on entry and the solution on return; unknowns of a border are zero.
-  void run(T* x, Index nr, bool transpose);
+  /// @param paths  null: through all fronts
+  void run(T* x, Index nr, bool transpose, const FrontPaths* paths = nullptr);
   /// The contribution of a front that others take: as SolveSharing::made() told it there. During a run.
   void take(Index front, const std::byte* rows);
 
@@ -60,6 +61,12 @@ class TriangularSolve {
     base::Buffer<T> stack;  // contributions inside a range of fronts
   };
 
+  [[nodiscard]] bool passes_up(Index f) const {
+    return paths_ == nullptr || paths_->up[static_cast<std::size_t>(f)] != 0;
+  }
+  [[nodiscard]] bool passes_down(Index f) const {
+    return paths_ == nullptr || paths_->down[static_cast<std::size_t>(f)] != 0;
+  }
   void list_tasks();
   void place_contributions();
   void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
@@ -101,6 +108,7 @@ class TriangularSolve {
   T* x_ = nullptr;
   Index nr_ = 1;
   bool transpose_ = false;
+  const FrontPaths* paths_ = nullptr;     // of this run; null: all
   std::atomic<std::size_t> finished_{0};  // tasks of this sweep
 };
 
