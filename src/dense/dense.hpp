@@ -34,6 +34,12 @@ struct Spectrum {
 [[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a);
 [[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXd& a);
 [[nodiscard]] Eigen::Vector3d principal_values(const Eigen::Matrix3d& a);
+/// Values, ascending, and directions of length 1 as columns, of a symmetric tensor.
+struct PrincipalAxes {
+  Eigen::Vector3d values;
+  Eigen::Matrix3d axes;
+};
+[[nodiscard]] PrincipalAxes principal_axes(const Eigen::Matrix3d& a);
 /// A x = l B x for symmetric A and B, B positive definite; x^T B x = 1.
 [[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a, const MatrixXd& b);
 
@@ -77,6 +83,8 @@ struct NearestRotation {
 };
 
 [[nodiscard]] NearestRotation nearest_rotation(const Eigen::Matrix3d& a);
+/// The least rotation that brings the direction of `from` to that of `to`. @pre neither is zero
+[[nodiscard]] Eigen::Matrix3d rotation_between(const Eigen::Vector3d& from, const Eigen::Vector3d& to);
 
 /// X L^-T, where B = L L^T (6 x 6, positive definite): columns that are orthonormal in the matrix that B = X^T M X is
 /// of.

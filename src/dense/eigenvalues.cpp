@@ -17,6 +17,11 @@ Eigen::Vector3d principal_values(const Eigen::Matrix3d& a) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(a, Eigen::EigenvaluesOnly).eigenvalues();
 }
 
+PrincipalAxes principal_axes(const Eigen::Matrix3d& a) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(a);
+  return {eigen.eigenvalues(), eigen.eigenvectors()};
+}
+
 Spectrum symmetric_eigen(const MatrixXd& a, const MatrixXd& b) {
   const Eigen::GeneralizedSelfAdjointEigenSolver<MatrixXd> eigen(a, b);
   return {eigen.eigenvalues(), eigen.eigenvectors()};

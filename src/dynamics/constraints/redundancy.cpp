@@ -1,6 +1,6 @@
 #include "dynamics/constraints/redundancy.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
 
 namespace espalier::dynamics {
 
@@ -312,7 +313,7 @@ void RedundancyGuard::share_reactions(State& state) {
     s[i] = sizes[row] > 0 ? sizes[row] : 1;
     mu[i] = s[i] * state.lambda[row];
   }
-  const Eigen::VectorXd change = (null * null.colPivHouseholderQr().solve(-mu)).cwiseQuotient(s);
+  const Eigen::VectorXd change = (null * dense::least_squares(null, -mu)).cwiseQuotient(s);
   for (Eigen::Index i = 0; i < m; ++i) state.lambda[at(shared[static_cast<std::size_t>(i)])] += change[i];
 }
 

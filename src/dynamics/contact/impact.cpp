@@ -2,11 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <numeric>
 
+#include "dense/dense.hpp"
 #include "dynamics/contact/impact_friction.hpp"
 
 namespace espalier::dynamics::contact {
@@ -221,7 +222,7 @@ class Impact {
         for (Eigen::Index c = 0; c < count; ++c)
           w(r, c) = along(points_[set[static_cast<std::size_t>(r)]], columns_[set[static_cast<std::size_t>(c)]].dv);
       }
-      const Eigen::VectorXd wanted = -w.completeOrthogonalDecomposition().solve(u);
+      const Eigen::VectorXd wanted = -dense::least_squares(w, u);
       Eigen::Index out = -1;
       double share = 1;
       for (Eigen::Index k = 0; k < count; ++k) {

@@ -2,12 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/dae/products.hpp"
 #include "dynamics/integrators/history.hpp"
 
@@ -55,7 +56,7 @@ class PassMemory {
       of_change.col(j) = change_[k + 1] - change_[k];
       of_g.col(j) = g_[k + 1] - g_[k];
     }
-    const Eigen::VectorXd mix = of_change.colPivHouseholderQr().solve(change_.back());
+    const Eigen::VectorXd mix = dense::least_squares(of_change, change_.back());
     const Eigen::VectorXd mixed = to - of_g * mix;
     return mixed.allFinite() ? unpacked(mixed, g) : g;
   }

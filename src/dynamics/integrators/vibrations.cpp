@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -299,19 +299,21 @@ std::vector<Mode> hysteretic(const ModalSystem& s, Eigen::Index size) {
   a.topRightCorner(n, n).setIdentity();
   a.bottomLeftCorner(n, n) = -k / (unit * unit);
   a.bottomRightCorner(n, n) = -s.d(held, held).cast<std::complex<double>>() / unit;
-  const Eigen::ComplexEigenSolver<MatrixXcd> eigen(a);
+  const dense::ComplexSpectrum eigen = dense::general_eigen(a);
+  if (!eigen.converged)
+    throw Error(StatusCode::accuracy_not_reached, "damped modes: the QR algorithm did not converge");
   for (Eigen::Index i = 0; i < 2 * n; ++i) {
-    std::complex<double> e = unit * eigen.eigenvalues()[i];
+    std::complex<double> e = unit * eigen.values[i];
     if (e.imag() <= kReal * std::abs(e)) continue;
     if (s.n.isZero(0)) {  // symmetric: Rayleigh's quotient has the square of the vector's error
-      const Eigen::VectorXcd z = eigen.eigenvectors().col(i).head(n);
+      const Eigen::VectorXcd z = eigen.vectors.col(i).head(n);
       const auto form = [&](const MatrixXcd& m) { return (z.transpose() * m * z).value(); };
       const std::complex<double> half =
           0.5 * form(s.d(held, held).cast<std::complex<double>>()) / form(MatrixXcd::Identity(n, n));
       const std::complex<double> root = std::sqrt(half * half - form(k) / form(MatrixXcd::Identity(n, n)));
       e = std::abs(-half + root - e) < std::abs(-half - root - e) ? -half + root : -half - root;
     }
-    modes.push_back(vibration_of(e, s.x(Eigen::all, held) * eigen.eigenvectors().col(i).head(n)));
+    modes.push_back(vibration_of(e, s.x(Eigen::all, held) * eigen.vectors.col(i).head(n)));
   }
   std::stable_sort(modes.begin(), modes.end(),
                    [](const Mode& x, const Mode& y) { return std::abs(x.eigenvalue) < std::abs(y.eigenvalue); });

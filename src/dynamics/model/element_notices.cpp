@@ -2,11 +2,13 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
+#include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
+
+#include "dense/dense.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -88,9 +90,9 @@ Compression compression_of(const Eigen::Matrix3Xd& reference, const Eigen::Matri
   constexpr double kHardly = 0.1;
   const double strain = (gradient.transpose() * gradient - Mat3::Identity()).norm();
   if (strain < kHardly) return {std::sqrt(1 - strain), 1};
-  const Eigen::JacobiSVD<Mat3> svd(gradient, Eigen::ComputeFullU | Eigen::ComputeFullV);
-  const double along = (svd.matrixV().col(2).transpose() * sides).cwiseAbs().maxCoeff();
-  return {svd.singularValues()[2], along / sides.colwise().norm().maxCoeff()};
+  const dense::PrincipalAxes squares = dense::principal_axes(gradient.transpose() * gradient);
+  const double along = (squares.axes.col(0).transpose() * sides).cwiseAbs().maxCoeff();
+  return {std::sqrt(std::max(0.0, squares.values[0])), along / sides.colwise().norm().maxCoeff()};
 }
 
 }  // namespace

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 
+#include "dense/dense.hpp"
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/joints/space_curve.hpp"
 
@@ -11,7 +12,7 @@ namespace espalier::dynamics::model {
 namespace {
 
 /// The turn that brings one direction to another, nearest.
-Mat3 bring(const Vec3& from, const Vec3& to) { return Eigen::Quaterniond::FromTwoVectors(from, to).toRotationMatrix(); }
+Mat3 bring(const Vec3& from, const Vec3& to) { return dense::rotation_between(from, to); }
 
 double angle_of(const Mat3& r) { return Eigen::AngleAxisd(r).angle(); }
 

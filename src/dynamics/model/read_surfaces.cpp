@@ -1,6 +1,7 @@
 // The sections [surfaces] and [contacts].
 #include <fmt/format.h>
 
+#include "dense/dense.hpp"
 #include "dynamics/model/description.hpp"
 
 namespace espalier::dynamics::model {
@@ -12,7 +13,7 @@ const std::vector<std::string> kShapeNames = {"plane", "sphere", "capsule",  "cy
 /// Axes whose z is a direction.
 Mat3 axes_along(const Vec3& z, const Place& place) {
   if (!(z.norm() > 0)) fail(place, "must not be zero");
-  return Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), z).toRotationMatrix();
+  return dense::rotation_between(Vec3::UnitZ(), z);
 }
 
 /// `rotation`, or the direction under `key`.

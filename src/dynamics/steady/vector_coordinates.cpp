@@ -1,8 +1,9 @@
 #include "dynamics/steady/vector_coordinates.hpp"
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 
 #include "base/at.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/bodies/point_mass.hpp"
 #include "dynamics/bodies/reduced_body.hpp"
@@ -60,7 +61,7 @@ Vec3 angular_velocity(std::span<const VectorCoordinates> all, ConstSpan q, Const
     moment += arm.cross(change);
   }
   if (!(square.norm() > 0)) return Vec3::Zero();
-  return square.colPivHouseholderQr().solve(moment);
+  return dense::least_squares(Eigen::MatrixXd(square), Eigen::MatrixXd(moment));
 }
 
 }  // namespace espalier::dynamics

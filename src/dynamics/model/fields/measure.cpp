@@ -2,11 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
 
+#include "dense/dense.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
 
 namespace espalier::dynamics::model {
@@ -22,7 +23,7 @@ Mat3 tensor_of(const SiteNumbers& n) {
 Vec3 principal(const SiteNumbers& n) {
   const Mat3 t = tensor_of(n);
   if (!t.allFinite()) return Vec3::Constant(n[0] + n[1] + n[2] + n[3] + n[4] + n[5]);
-  return Eigen::SelfAdjointEigenSolver<Mat3>(t, Eigen::EigenvaluesOnly).eigenvalues().reverse();
+  return dense::principal_values(t).reverse();
 }
 
 double von_mises_of(const SiteNumbers& n) {
@@ -108,7 +109,7 @@ std::vector<Measure> tensor_measures(bool stress) {
     for (int i = 0; i < 3; ++i)
       out.push_back({fmt::format("direction_{}.{}", k + 1, "xyz"[i]),
                      [k, i](const SiteNumbers& n, const Site&) {
-                       Vec3 d = Eigen::SelfAdjointEigenSolver<Mat3>(tensor_of(n)).eigenvectors().col(2 - k);
+                       Vec3 d = dense::principal_axes(tensor_of(n)).axes.col(2 - k);
                        Eigen::Index most = 0;
                        d.cwiseAbs().maxCoeff(&most);
                        return d[most] < 0 ? -d[i] : d[i];

@@ -2,13 +2,14 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
 #include <algorithm>
 #include <limits>
 #include <stdexcept>
 
 #include "base/at.hpp"
 #include "base/parallel.hpp"
+#include "dense/dense.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/elements/strain_material.hpp"
@@ -32,7 +33,10 @@ ElementType solid_shape(int vertices) {
 Mat3 stretch_of(const Mat3& a) {
   constexpr double kSmall = 1e-3;
   const Mat3 one = Mat3::Identity();
-  if (a.cwiseAbs().maxCoeff() > kSmall) return Eigen::SelfAdjointEigenSolver<Mat3>(one + a).operatorSqrt();
+  if (a.cwiseAbs().maxCoeff() > kSmall) {
+    const dense::PrincipalAxes c = dense::principal_axes(one + a);
+    return c.axes * c.values.cwiseSqrt().asDiagonal() * c.axes.transpose();
+  }
   const Mat3 a2 = a * a, a3 = a2 * a;
   return one + a / 2 - a2 / 8 + a3 / 16 - a2 * a2 * (5.0 / 128) + a2 * a3 * (7.0 / 256);
 }

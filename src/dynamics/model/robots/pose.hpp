@@ -5,6 +5,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
+#include "dense/dense.hpp"
+
 namespace espalier::dynamics::model::robots {
 
 using Vec3 = Eigen::Vector3d;
@@ -27,8 +29,6 @@ struct Pose {
   return Eigen::Quaterniond(w, x, y, z).normalized().toRotationMatrix();
 }
 /// The least turn that brings z to a direction. @pre it is not zero
-[[nodiscard]] inline Mat3 z_along(const Vec3& direction) {
-  return Eigen::Quaterniond::FromTwoVectors(Vec3::UnitZ(), direction).toRotationMatrix();
-}
+[[nodiscard]] inline Mat3 z_along(const Vec3& direction) { return dense::rotation_between(Vec3::UnitZ(), direction); }
 
 }  // namespace espalier::dynamics::model::robots
