@@ -344,6 +344,91 @@ def test_beams_of_nastran(tmp_path, cards, truth):
     assert moved(tmp_path / "a.bdf", text, places, 11)[0][2] == pytest.approx(truth / E / (2 / 12), rel=2e-3)
 
 
+# A cantilever of ten beams with what stands at its end. Truths: Euler's beam with a spring, a mass, half a circle under a moment, an equation.
+BEAM = {k: (10.0 * (k - 1), 0, 0) for k in range(1, 12)}
+BENDING = E * 2 / 12
+
+
+def cantilever(more=""):
+    return (nodes_of(BEAM) + block("*ELEMENT, TYPE=B31, ELSET=F", [(k, k, k + 1) for k in range(1, 11)]) + steel()
+            + "*BEAM SECTION, ELSET=F, MATERIAL=STEEL, SECTION=RECT\n1., 2.\n0,0,1\n" + more)
+
+
+def test_a_spring_that_turns(tmp_path):
+    text = cantilever("*ELEMENT, TYPE=SPRING1, ELSET=S\n500, 11\n*SPRING, ELSET=S\n5\n1000.\n*BOUNDARY\n1, 1, 6\n")
+    turn = 0.1 * 100**2 / 2 / BENDING / (1 + 1000 * 100 / BENDING)
+    truth = 0.1 * 100**3 / 3 / BENDING - 1000 * turn * 100**2 / 2 / BENDING
+    assert moved(tmp_path / "a.inp", text + STATIC + "*CLOAD\n11, 3, 0.1\n", BEAM, 11)[0][2] == pytest.approx(truth, rel=1e-3)
+
+
+def test_a_mass_at_a_beam(tmp_path):
+    (tmp_path / "a.inp").write_text(cantilever("*ELEMENT, TYPE=MASS, ELSET=M\n500, 11\n*MASS, ELSET=M\n1e-3\n*BOUNDARY\n1, 1, 6\n*STEP\n*FREQUENCY\n2\n"))
+    found = espalier.Model({"bodies": {"part": {"mesh": {"file": str(tmp_path / "a.inp"), "take": "all"}}}}).modes(2)["frequency"]
+    assert found[0] == pytest.approx(math.sqrt(3 * BENDING / 100**3 / (1e-3 + 0.243 * RHO * 200)) / 2 / math.pi, rel=1e-3)
+
+
+def test_half_a_circle(tmp_path):
+    text = cantilever("*BOUNDARY\n1, 1, 6\n*STEP, NLGEOM\n*STATIC\n") + f"*CLOAD\n11, 5, {-math.pi * BENDING / 100}\n"
+    assert moved(tmp_path / "a.inp", text, BEAM, 11)[0] == pytest.approx([-100, 0, 200 / math.pi], abs=1e-6)
+
+
+def test_equations_of_beams(tmp_path):
+    text = cantilever("*BOUNDARY\n1, 1, 6\n*EQUATION\n2\n11, 3, 1., 6, 3, -2.\n") + STATIC + "*CLOAD\n11, 3, 0.1\n"
+    end, middle = moved(tmp_path / "a.inp", text, BEAM, 11, 6)
+    assert end[2] == pytest.approx(2 * middle[2], rel=1e-12) and middle[2] > 0.1
+
+
+# Truths: the strip goes on as a rigid lever; as a beam of the same section; it ends at the face of a hard block.
+def test_an_edge_in_a_coupling(tmp_path):
+    label, places, deck = strip()
+    edge = "*SURFACE, NAME=E, TYPE=NODE\nRIGHT\n*COUPLING, CONSTRAINT NAME=C, REF NODE=900, SURFACE=E\n*KINEMATIC\n1, 6\n"
+    inertia = 20 * 4**3 / 12
+    (tmp_path / "a.inp").write_text(deck + "*NODE\n900, 250., 10., 0.\n" + THICK + CLAMP + edge + STATIC + "*CLOAD\n900, 3, 10.\n")
+    lever = espalier.Model({"bodies": {"part": {"mesh": {"file": str(tmp_path / "a.inp"), "take": "all"}}}, "output": {"quantities": ["part_coupling_1.position.z"]}}).run()
+    assert lever.summary["values"]["part_coupling_1.position.z"] == pytest.approx(10 / E / inertia * (200**3 / 3 + 50 * 200**2 + 50**2 * 200), rel=1e-3)
+    places |= {900: (200, 10, 0), 901: (300, 10, 0)}
+    text = deck + "*NODE\n900, 200., 10., 0.\n901, 300., 10., 0.\n*ELEMENT, TYPE=B31, ELSET=F\n800, 900, 901\n*BEAM SECTION, ELSET=F, MATERIAL=STEEL, SECTION=RECT\n20., 4.\n0,1,0\n"
+    found = moved(tmp_path / "a.inp", text + THICK + CLAMP + edge + STATIC + "*CLOAD\n901, 3, 10.\n", places, ("part_beams", 901))[0][2]
+    assert found == pytest.approx(10 * 300**3 / 3 / E / inertia, rel=1e-3)
+
+
+def test_an_edge_tied_to_a_block(tmp_path):
+    label, places, deck = strip(10)
+    corners = [(x, y, z) for z in (-20.0, 20.0) for x, y in ((-40.0, -10.0), (0.0, -10.0), (0.0, 30.0), (-40.0, 30.0))]
+    text = deck + nodes_of({1000 + k: p for k, p in enumerate(corners)}) + "*ELEMENT, TYPE=C3D8I, ELSET=CUBE\n900, " + ",".join(str(1000 + k) for k in range(8)) + "\n"
+    text += steel(0.0, 1000 * E, "HARD") + "*SOLID SECTION, ELSET=CUBE, MATERIAL=HARD\n" + THICK + "*SURFACE, NAME=FACE\nCUBE, S4\n*SURFACE, NAME=EDGE, TYPE=NODE\nLEFT\n*TIE, NAME=T\nEDGE, FACE\n"
+    text += nset("FLOOR", [1000, 1003, 1004, 1007]) + "*BOUNDARY\nFLOOR, 1, 3\n" + STATIC + f"*CLOAD\n{label[10, 1]}, 3, 10.\n"
+    assert moved(tmp_path / "a.inp", text, places, ("part_shells", label[10, 1]))[0][2] == pytest.approx(10 * 200**3 / 3 / E / (20 * 4**3 / 12), rel=5e-3)
+
+
+# Pulled in the plane of its nodes, which lie on its underside: F e l^2 / 2 E I clamped, / 8 E I between hinges.
+@pytest.mark.parametrize("held, place, share", [("LEFT, 1, 6\n", 20, 2), ("LEFT, 1, 3\nRIGHT, 2, 3\n", 10, -8)])
+def test_offsets(tmp_path, held, place, share):
+    label, places, deck = strip()
+    text = deck + THICK.replace("STEEL\n", "STEEL, OFFSET=SNEG\n") + "*BOUNDARY\n" + held + STATIC + block("*CLOAD", [(label[20, 0], 1, 25.0), (label[20, 1], 1, 50.0), (label[20, 2], 1, 25.0)])
+    assert moved(tmp_path / "a.inp", text, places, label[place, 1])[0][2] == pytest.approx(100 * 2 * 200**2 / share / E / (20 * 4**3 / 12), rel=1e-6)
+
+
+# A stiffener of Nastran. Truth: E (I_1 + I_2).
+def test_shells_with_beams_of_nastran(tmp_path):
+    label, places, text = nastran()
+    row = [label[i, 1] for i in range(21)]
+    text += "PSHELL,7,3,4.,3\n" + "".join(f"CBAR,{500 + k},8,{a},{b},0.,0.,1.\n" for k, (a, b) in enumerate(zip(row, row[1:]))) + f"PBARL,8,3,,BAR\n,2.,6.\nFORCE,2,{row[-1]},,10.,0.,0.,1.\nENDDATA\n"
+    truth = 10 * 200**3 / 3 / E / (20 * 4**3 / 12 + 2 * 6**3 / 12)
+    assert moved(tmp_path / "a.bdf", text, places, ("part_beams", row[-1]))[0][2] == pytest.approx(truth, rel=2e-3)
+
+
+# A bar on a cube of Nastran. Truth: F l / E A; without its section it is an error, not left out.
+def test_bars_beside_solids_of_nastran(tmp_path):
+    places = {1: (0, 0, 0), 2: (10, 0, 0), 3: (10, 10, 0), 4: (0, 10, 0), 5: (0, 0, 10), 6: (10, 0, 10), 7: (10, 10, 10), 8: (0, 10, 10), 20: (10, 0, 60)}
+    text = "SOL 101\nCEND\nSPC=1\nLOAD=2\nBEGIN BULK\n" + "".join(f"GRID,{n},,{x}.,{y}.,{z}.\n" for n, (x, y, z) in places.items())
+    text += f"CHEXA,1,5,1,2,3,4,5,6\n,7,8\nCROD,2,6,6,20\nPSOLID,5,4\nMAT1,3,{E},,0.,{RHO}\nMAT1,4,{1000 * E},,0.,{RHO}\nSPC1,1,123,1,2,3,4\nSPC1,1,12,20\nFORCE,2,20,,2.,0.,0.,1.\n"
+    assert moved(tmp_path / "a.bdf", text + "PROD,6,3,0.2\nENDDATA\n", places, ("part_bars", 20))[0][2] == pytest.approx(2 * 50 / E / 0.2, rel=1e-3)
+    (tmp_path / "a.bdf").write_text(text + "ENDDATA\n")
+    with pytest.raises(espalier.Error, match=r"a\.bdf: element 2 \(a line2\) has no section"):
+        espalier.Model({"bodies": {"part": {"mesh": {"file": str(tmp_path / "a.bdf"), "take": "all"}}}}).run()
+
+
 ELEMENT_ALONE = "*ELEMENT, TYPE=S4, ELSET=ALONE\n999, 1,2,5,4\n"
 
 
@@ -371,6 +456,8 @@ def test_what_cannot_be_taken_is_named(tmp_path, change, message):
 @pytest.mark.parametrize("change, message", [
     (lambda d: d.replace("0.1,0.2,1", "1,0,0"), r"the y axis of the section of element 1 lies along it"),
     (lambda d: d.replace("*STEP", "*STEP\n*DLOAD\nF, P1, 1.\n", 1).replace("*STATIC\n", "", 1) + "*STATIC\n", r"a\.inp:\d+: \*DLOAD P1: on beams this is a force per length in Abaqus"),
+    (lambda d: d.replace("\n5,2,6\n", "\n5,2,6\n6,3,3\n"), r"a\.inp': element 6 has no length"),
+    (lambda d: d.replace("*STEP", "*EQUATION\n2\n6, 5, 1., 5, 5, -2.\n*STEP"), r"a\.inp:\d+: the equation has a rotation of node 6"),
     (lambda d: d.replace("TYPE=B31", "TYPE=T3D3"), r"a\.inp:\d+: ")])
 def test_beams_that_cannot_be_taken_are_named(tmp_path, change, message):
     path = tmp_path / "a.inp"

@@ -36,13 +36,13 @@ std::size_t FileElements::add(ElementType type, std::int64_t label, std::span<co
   return elements_.size() - 1;
 }
 
-void FileElements::finish(Mesh& mesh) const {
+void FileElements::finish(Mesh& mesh, bool all) const {
   const bool solids =
       std::any_of(elements_.begin(), elements_.end(), [](const Element& e) { return shape_of(e.type).dimension == 3; });
   std::vector<Index> became(elements_.size(), -1);
   for (std::size_t k = 0; k < elements_.size(); ++k) {
     const Element& e = elements_[k];
-    if (solids && shape_of(e.type).dimension < 3) continue;
+    if (solids && !all && shape_of(e.type).dimension < 3) continue;
     became[k] = mesh.add_element(e.type, e.list());
     mesh.element_labels.push_back(e.label);
   }

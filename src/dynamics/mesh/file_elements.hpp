@@ -24,7 +24,8 @@ class FileElements {
 
   /// Elements and sets go to `mesh`, whose nodes stand. A set becomes an element set of its elements, a node set of the
   /// nodes of those below dimension 3, and, where surfaces in it are faces of solids, a face set.
-  void finish(Mesh& mesh) const;
+  /// @param all  surfaces and lines stay elements beside solids, too, as in decks
+  void finish(Mesh& mesh, bool all = false) const;
 
  private:
   struct Element {

@@ -68,7 +68,8 @@ class Maker {
     const std::size_t last = middle == 2 ? 1 : 2;
     if (middle == 0)
       throw Error(StatusCode::invalid_input,
-                  fmt::format("element {}: its first node lies between the others", element_name(mesh_, e)));
+                  fmt::format("mesh '{}', element {}: its first node lies between the others", mesh_.name,
+                              element_name(mesh_, e)));
     add_piece(e, nodes[0], nodes[middle]);
     add_piece(e, nodes[middle], nodes[last]);
   }
@@ -76,15 +77,17 @@ class Maker {
   void add_piece(Index e, Index a, Index b) {
     Piece piece{{a, b}, e, (place(b) - place(a)).norm(), {}, {}};
     if (!(piece.length > 0))
-      throw Error(StatusCode::invalid_input, fmt::format("element {} has no length", element_name(mesh_, e)));
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("mesh '{}': element {} has no length", mesh_.name, element_name(mesh_, e)));
     piece.x = (place(b) - place(a)) / piece.length;
     const Vector towards = vector_of(elements_.y[static_cast<std::size_t>(e)]);
     piece.y = towards - towards.dot(piece.x) * piece.x;
     if (!(piece.y.norm() > kSame * towards.norm()))
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("the y axis of the section of element {} lies along it: state another direction, in the "
-                              "file or by 'y'",
-                              element_name(mesh_, e)));
+      throw Error(
+          StatusCode::invalid_input,
+          fmt::format("mesh '{}': the y axis of the section of element {} lies along it: state another direction, "
+                      "in the file or by 'y'",
+                      mesh_.name, element_name(mesh_, e)));
     piece.y.normalize();
     at_[a].push_back(pieces_.size());
     at_[b].push_back(pieces_.size());

@@ -53,7 +53,7 @@ class NastranReader {
     for (const NastranCard& element : element_cards_) add_element(element);
     if (!places_.empty()) by_label_.insert(systems_.nodes().begin(), systems_.nodes().end());
     for (const NastranCard& places : places_) add_places(places);
-    elements_.finish(mesh_);
+    elements_.finish(mesh_, is_deck_);
     add_materials();
     add_notice();
     return std::move(mesh_);
