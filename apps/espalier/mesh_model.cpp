@@ -168,13 +168,15 @@ std::string first_model(const Mesh& stated, const dynamics::MeshSurvey& survey, 
   const BodyMaterial steel = steel_in(survey.units);
   std::string why;
   int modes = 0;
-  if (dynamics::is_deck(mesh_file)) {
-    const dynamics::Deck deck = dynamics::read_deck(mesh_file);
+  try {
+    const dynamics::Deck deck = dynamics::is_deck(mesh_file) ? dynamics::read_deck(mesh_file) : dynamics::Deck();
     if (std::string text = deck.steps > 0 ? text_of_deck(deck, mesh_file, path.string(), steel.text) : "";
         !text.empty())
       return text;
     if (deck.steps > 0) why = "# What can be taken of the deck's own supports does not hold it.\n";
     if (deck.step.kind == dynamics::DeckStep::Kind::modes) modes = deck.step.modes;
+  } catch (const Error& error) {  // a mesh all the same
+    why = fmt::format("# The deck's own supports and loads cannot be taken: {}\n", error.what());
   }
   if (survey.solids == 0)
     refuse(

@@ -103,6 +103,8 @@ class Meshes(Cli):
         self.first_model_of("spring", block(4, STEEL, sets) + spring + clamp + pull, "#   springs: ", "between nodes 5 and 99 is not taken", '"cload"')
         law = STEEL.replace("*ELASTIC\n2.1e11, 0.3", "*HYPERELASTIC, NEO HOOKE\n80., 0.001")
         self.first_model_of("law", block(4, law, sets) + clamp + pull, "*HYPERELASTIC", "# of steel")
+        # A deck with a fault is a mesh all the same.
+        self.first_model_of("fault", block(4, STEEL, sets) + "*BOUNDARY\nNOWHERE, 1, 3\n" + pull, "cannot be taken: ", "NOWHERE", "[supports]\nclamp")
         # Modes, also of a structure that is free.
         for name, held in (("modes", clamp), ("free", "")):
             _, run = self.first_model_of(name, block(4, STEEL, sets) + held + "*STEP\n*FREQUENCY\n8\n", 'take = "all"')
