@@ -9,7 +9,7 @@
 #include "elements_common.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace ancf_block_test {
 
 struct Setting {
   bool moving;
@@ -185,5 +185,5 @@ TEST_P(AncfBlock, NotANumberIsNotWhole) {
 
 INSTANTIATE_TEST_SUITE_P(All, AncfBlock, testing::ValuesIn(kinds()), [](const auto& p) { return p.param.name; });
 
-}  // namespace
+}  // namespace ancf_block_test
 }  // namespace espalier::dynamics::test

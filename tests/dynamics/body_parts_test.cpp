@@ -12,7 +12,7 @@
 #include "emulated_device.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace body_parts_test {
 
 /// The crank of a small engine, of hexahedra, with its tables.
 struct Crank {
@@ -161,5 +161,5 @@ TEST(BodyParts, SmallBodiesAndThoseOfOneGpuStayWhole) {
   EXPECT_THROW((void)divided(test::dealt({0, 1}, unknowns), crank.tables.elements()), std::logic_error);
 }
 
-}  // namespace
+}  // namespace body_parts_test
 }  // namespace espalier::dynamics

@@ -15,7 +15,7 @@
 #include "dynamics/joints/joint.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace constraint_redundancy_test {
 
 TEST(DependentRows, MatchTheDenseRankAndReproduceTheRows) {
   std::mt19937 engine(5);
@@ -286,5 +286,5 @@ TEST(PatternChange, IsDetectedAndAnalysedAgain) {
   EXPECT_GT(one.position(bdf.state().q).x(), 1e-3);
 }
 
-}  // namespace
+}  // namespace constraint_redundancy_test
 }  // namespace espalier::dynamics

@@ -9,7 +9,7 @@
 #include "dynamics/dae/kkt.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace constraint_response_test {
 
 constexpr Index kMotion = 400, kConstraints = 5;
 
@@ -118,5 +118,5 @@ TEST(ConstraintResponse, SmallFactorsAreLeftAlone) {
   }
 }
 
-}  // namespace
+}  // namespace constraint_response_test
 }  // namespace espalier::dynamics

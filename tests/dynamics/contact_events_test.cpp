@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_events_test {
 
 constexpr double kGravity = 9.81, kHeight = 0.5, kRadius = 0.1, kMass = 2, kStiffness = 1e5;
 
@@ -63,5 +63,5 @@ TEST(ContactEvents, MistakesAreNamed) {
   EXPECT_NE(mistake("[events.e]\ncontact = \"bounce\"\n").find("when"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace contact_events_test
 }  // namespace espalier::dynamics

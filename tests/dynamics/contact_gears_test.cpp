@@ -7,7 +7,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_gears_test {
 
 // Truth: without friction the force between the flanks acts along the line of action, torque over base radius, and the
 // torques stand in the ratio of the teeth. The chords of coarse flanks turn the line of action a little.
@@ -90,5 +90,5 @@ TEST(ContactGears, WholePitchesTurnInTheRatioOfTheTeeth) {
   EXPECT_LT(largest_lag, 40e-6);
 }
 
-}  // namespace
+}  // namespace contact_gears_test
 }  // namespace espalier::dynamics

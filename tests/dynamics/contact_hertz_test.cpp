@@ -10,7 +10,7 @@
 #include "held_system.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_hertz_test {
 
 using contact::FaceSurface;
 using contact::SolidContact;
@@ -219,5 +219,5 @@ TEST(ContactHertz, DISABLED_Table) {
     }
 }
 
-}  // namespace
+}  // namespace contact_hertz_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_impact_friction_test {
 
 constexpr double kGravity = 9.81;
 const std::string kFloor = "[surfaces.floor]\nbody = \"ground\"\nshape = \"plane\"\n";
@@ -140,5 +140,5 @@ TEST(ContactImpactFriction, EndOfARodIsCaught) {
   EXPECT_NEAR(run.value("rod.velocity.z"), -turn * x, 4e-3 * turn);
 }
 
-}  // namespace
+}  // namespace contact_impact_friction_test
 }  // namespace espalier::dynamics

@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_impacts_test {
 
 constexpr double kGravity = 9.81;
 const std::string kDown = "gravity = [0, 0, -9.81]\n";
@@ -288,5 +288,5 @@ TEST(ContactImpacts, MistakesAreNamed) {
   EXPECT_NE(status.message.find("no impulse can part them"), std::string::npos) << status.message;
 }
 
-}  // namespace
+}  // namespace contact_impacts_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_line_friction_test {
 
 constexpr double kFriction = 0.3, kStiffness = 1e6, kTangential = 8e5;
 
@@ -344,5 +344,5 @@ TEST(ContactLineFriction, RopeSlidesOverARod) {
   EXPECT_NEAR(anchor_of_drawn_rope(32, 1e5), exact, 6e-5 * exact);
 }
 
-}  // namespace
+}  // namespace contact_line_friction_test
 }  // namespace espalier::dynamics

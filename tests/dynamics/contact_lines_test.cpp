@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_lines_test {
 
 constexpr double kPi = std::numbers::pi;
 
@@ -304,5 +304,5 @@ TEST(ContactLines, MistakesAreNamed) {
   has(mistake(text + "[surfaces.b]\nbody = \"rope\"\nshape = \"line\"\nradius = 1\ndivisions = 0\n"), "divisions");
 }
 
-}  // namespace
+}  // namespace contact_lines_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_motion_test {
 
 constexpr double kGravity = 9.81;
 
@@ -261,5 +261,5 @@ TEST(ContactMotion, MistakesNameBodyAndSurface) {
          {"none.stl"});
 }
 
-}  // namespace
+}  // namespace contact_motion_test
 }  // namespace espalier::dynamics

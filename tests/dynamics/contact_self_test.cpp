@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_self_test {
 
 using contact::ContactReport;
 using contact::FaceSurface;
@@ -211,5 +211,5 @@ TEST(ContactSelf, ModelsSaySelf) {
             std::string::npos);
 }
 
-}  // namespace
+}  // namespace contact_self_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_shapes_test {
 
 using namespace contact;  // NOLINT(google-build-using-namespace)
 
@@ -35,7 +35,7 @@ struct PairCase {
 
 std::vector<PairCase> pair_cases() {
   const Shape plane = PlaneShape{}, sphere = SphereShape{0.5}, capsule = CapsuleShape{0.3, 0.6},
-              cylinder = CylinderShape{0.4, 0.5}, box = BoxShape{{0.5, 0.4, 0.6}},
+              cylinder = CylinderShape{0.4, 0.5}, box = contact::BoxShape{{0.5, 0.4, 0.6}},
               mesh = MeshShape{box_of_triangles({0.5, 0.4, 0.6})};
   const Vec3 half_turn(1.5, 0.1, 0.05);
   return {
@@ -166,7 +166,7 @@ double gap_of(const ShapedBody& a, const ShapedBody& b) {
 
 TEST(ContactShapes, GapsInClosedForm) {
   const double root2 = std::sqrt(2.0), root3 = std::sqrt(3.0);
-  const Shape box = BoxShape{{1, 1, 1}}, sphere = SphereShape{0.5}, cylinder = CylinderShape{1, 1},
+  const Shape box = contact::BoxShape{{1, 1, 1}}, sphere = SphereShape{0.5}, cylinder = CylinderShape{1, 1},
               plane = PlaneShape{};
   const Shape capsule = CapsuleShape{0.5, 1};
   EXPECT_NEAR(gap_of({sphere}, {sphere, {3, 4, 0}}), 4, 1e-14);
@@ -362,7 +362,7 @@ TEST(ContactShapes, ASavedSearchGoesOn) {
 TEST(ContactShapes, CentralSpheresCoupleTheirPlacesAlone) {
   ContactLaw smooth = law_of_tests();
   smooth.friction = 0;
-  const Shape sphere = SphereShape{0.5}, box = BoxShape{{0.5, 0.4, 0.6}};
+  const Shape sphere = SphereShape{0.5}, box = contact::BoxShape{{0.5, 0.4, 0.6}};
   const auto entries = [&](const Shape& first, const ContactLaw& law, const Vec3& point) {
     ShapeSystem pair({{first}, {sphere, {0.8, 0.3, 0.1}}}, law, point);
     int touching = 0;
@@ -393,5 +393,5 @@ TEST(ContactShapes, DampingNumber) {
   EXPECT_EQ(damping_number(1), 0);
 }
 
-}  // namespace
+}  // namespace contact_shapes_test
 }  // namespace espalier::dynamics

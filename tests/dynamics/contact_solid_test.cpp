@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace contact_solid_test {
 
 using contact::ContactReport;
 using contact::SolidContact;
@@ -306,5 +306,5 @@ TEST(ContactSolids, ChosenPenetrationIsKept) {
   EXPECT_NEAR(exact.value("middle.force.z"), soft.value("middle.force.z"), 1e-6 * 5);
 }
 
-}  // namespace
+}  // namespace contact_solid_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "dynamics/step_cases.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace dae_steps_test {
 
 using Numbers = std::span<const double>;
 using Out = std::span<double>;
@@ -82,5 +82,5 @@ TEST(DaeSteps, DifferencesOfConstraintsHaveThirteenDigits) {
   EXPECT_NEAR(gamma[2], -0.2, 1e-7);
 }
 
-}  // namespace
+}  // namespace dae_steps_test
 }  // namespace espalier::dynamics::test

@@ -3,7 +3,7 @@
 #include "model_harmonic_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace damping_test {
 
 using test::kTwoPi;
 
@@ -280,5 +280,5 @@ TEST(Damping, LoadedNodesOfAReducedBodyAreANotice) {
   }));
 }
 
-}  // namespace
+}  // namespace damping_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "dynamics/integrators/bdf.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace dead_points_test {
 
 // The library's solver, which remembers how many columns it had to move to later fronts.
 class CountingSolver final : public LinearSolver {
@@ -64,5 +64,5 @@ TEST(DeadPoints, TheFactorKeepsItsFronts) {
   EXPECT_GT(pass(40, strict).moved, 20);
 }
 
-}  // namespace
+}  // namespace dead_points_test
 }  // namespace espalier::dynamics

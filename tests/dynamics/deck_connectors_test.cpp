@@ -6,7 +6,7 @@
 #include "deck_bar.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace deck_connectors_test {
 
 using test::kBar;
 using test::kClamp;
@@ -176,5 +176,5 @@ TEST_F(DeckConnectors, MultiPointConstraints) {
           {"*MPC BEAM in a step with large displacements"});
 }
 
-}  // namespace
+}  // namespace deck_connectors_test
 }  // namespace espalier::dynamics

@@ -9,7 +9,7 @@
 #include "deck_bar.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace deck_couplings_test {
 
 using test::kBar;
 using test::kClamp;
@@ -200,5 +200,5 @@ TEST_F(DeckCouplings, WeightsOfAMarker) {
     EXPECT_NE(model(keys).first.message.find(says), std::string::npos) << model(keys).first.message;
 }
 
-}  // namespace
+}  // namespace deck_couplings_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "deck_bar.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace deck_loads_test {
 
 using test::kBar;
 using test::kClamp;
@@ -231,5 +231,5 @@ TEST_F(DeckLoads, OfNastran) {
   EXPECT_NE(anisotropic.find("MAT9 (1)"), std::string::npos) << anisotropic;
 }
 
-}  // namespace
+}  // namespace deck_loads_test
 }  // namespace espalier::dynamics

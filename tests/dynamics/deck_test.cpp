@@ -9,7 +9,7 @@
 #include "deck_bar.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace deck_test {
 
 using test::kBar;
 using test::kClamp;
@@ -271,5 +271,5 @@ TEST_F(Decks, Nastran) {
   EXPECT_NE(beam.message.find("element 5 (a line2) has no section"), std::string::npos) << beam.message;
 }
 
-}  // namespace
+}  // namespace deck_test
 }  // namespace espalier::dynamics

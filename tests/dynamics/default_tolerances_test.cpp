@@ -7,7 +7,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace default_tolerances_test {
 
 std::string beam(const std::string& end, const std::string& integrator) {
   return R"(gravity = [0, 0, -9.81]
@@ -93,5 +93,5 @@ TEST(DefaultTolerances, OfLongRuns) {
   EXPECT_LT(s.summary().steps, 300);
 }
 
-}  // namespace
+}  // namespace default_tolerances_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "places.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace docs_examples_test {
 
 const std::string kPage = (espalier::test::source_folder() / "docs/guide/forces.md").string();
 
@@ -139,5 +139,5 @@ TEST(DocsExamples, TheFlexibleMechanismIsConverged) {
   expect_no_energy_notice(printed);
 }
 
-}  // namespace
+}  // namespace docs_examples_test
 }  // namespace espalier::dynamics

@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace driven_mechanism_test {
 
 constexpr double kUpper = 0.5, kFore = 0.4, kUpperMass = 3, kForeMass = 2, kWidth = 0.05, kGravity = 9.81;
 
@@ -83,5 +83,5 @@ TEST(DrivenMechanism, ReactionsAreThoseOfInverseDynamics) {
   EXPECT_LT(error_of("method = \"generalized-alpha\"\nstep = 0.002\n"), 1e-4);
 }
 
-}  // namespace
+}  // namespace driven_mechanism_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace element_notices_test {
 
 using Point = std::array<int, 3>;
 using Place = std::function<std::array<double, 3>(double u, double v, double w)>;
@@ -153,5 +153,5 @@ TEST(ElementNotices, EnhancedStrainsUnderCompression) {
   EXPECT_EQ(compressed(0.9, "[8, 2, 2]", "mean-dilatation"), "");
 }
 
-}  // namespace
+}  // namespace element_notices_test
 }  // namespace espalier::dynamics

@@ -7,7 +7,7 @@
 #include "elements_common.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace elements_ancf_test {
 
 struct Ancf {
   std::string name;
@@ -149,5 +149,5 @@ TEST(AncfMass, PlateMoments) {
   EXPECT_NEAR(second(2, 2), total * h * h / 12, 100 * kEps);
 }
 
-}  // namespace
+}  // namespace elements_ancf_test
 }  // namespace espalier::dynamics::test

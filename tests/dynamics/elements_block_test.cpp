@@ -5,7 +5,7 @@
 #include "elements_common.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace elements_block_test {
 
 struct Setting {
   bool moving;
@@ -137,5 +137,5 @@ INSTANTIATE_TEST_SUITE_P(Lanes, Hex8Block,
                                               std::get<1>(p.param) == SolidLaw::neo_hookean ? "neo_hookean" : "svk");
                          });
 
-}  // namespace
+}  // namespace elements_block_test
 }  // namespace espalier::dynamics::test

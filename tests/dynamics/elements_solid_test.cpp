@@ -5,7 +5,7 @@
 #include "solid_measures.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace elements_solid_test {
 
 struct Case {
   std::string name;
@@ -210,5 +210,5 @@ INSTANTIATE_TEST_SUITE_P(All, Shapes,
                                          ElementType::wedge6, ElementType::wedge15),
                          [](const auto& p) { return std::string(shape_of(p.param).name); });
 
-}  // namespace
+}  // namespace elements_solid_test
 }  // namespace espalier::dynamics::test

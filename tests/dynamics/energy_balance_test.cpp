@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace energy_balance_test {
 
 bool says_energy(const Simulation& run) {
   for (const std::string& notice : run.summary().notices)
@@ -96,5 +96,5 @@ TEST(EnergyBalance, ImpactsAreNoSteps) {
   EXPECT_FALSE(says_energy(run));
 }
 
-}  // namespace
+}  // namespace energy_balance_test
 }  // namespace espalier::dynamics

@@ -14,7 +14,7 @@
 #include "dynamics/integrators/initial.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace factor_renewal_test {
 
 // Passes of the k-th step (from 0) with a factor.
 int passes_at(int k) { return 2 + k / 3; }
@@ -102,5 +102,5 @@ TEST(FactorRenewal, ChainNeedsFewFactorsAndMovesAsWithOneInEachStep) {
   EXPECT_EQ(chosen.passes, again.passes);
 }
 
-}  // namespace
+}  // namespace factor_renewal_test
 }  // namespace espalier::dynamics

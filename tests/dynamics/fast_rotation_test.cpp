@@ -9,7 +9,7 @@
 #include "dynamics/integrators/initial.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace fast_rotation_test {
 
 // A mass of 1 kg circles at 1000 rad/s at the end of a spring of 1 m and 1e9 N/m. Truth: the circle of radius r with
 // k (r - 1) = m w^2 r.
@@ -96,5 +96,5 @@ TEST_F(FastRotation, ARestartKnowsOfDividedSteps) {
   EXPECT_EQ(whole.counts().divisions, resumed.counts().divisions);
 }
 
-}  // namespace
+}  // namespace fast_rotation_test
 }  // namespace espalier::dynamics

@@ -3,7 +3,7 @@
 #include "model_harmonic_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace fields_test {
 
 constexpr double kPull = 1e5;  // tensile stress on the end
 
@@ -389,5 +389,5 @@ TEST(Fields, RefusalsSayWhatToDo) {
   refused("bar[node 3", {"BODY[PLACE]"});
 }
 
-}  // namespace
+}  // namespace fields_test
 }  // namespace espalier::dynamics

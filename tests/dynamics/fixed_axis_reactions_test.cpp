@@ -6,7 +6,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace fixed_axis_reactions_test {
 
 // Multipliers are predicted from step to step; where Newton's iteration looks at q and v alone, their errors grow while
 // places and speeds stay right.
@@ -38,5 +38,5 @@ TEST(FixedAxisReactions, OfEveryTolerance) {
     check_fixed_axis(std::string("relative = ") + relative);
 }
 
-}  // namespace
+}  // namespace fixed_axis_reactions_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "dynamics/meshers/parts.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace frame_blocks_test {
 
 using Jacobian = Eigen::Matrix<double, 6, Eigen::Dynamic>;
 
@@ -160,5 +160,5 @@ TEST(FrameBlocks, NothingComesOfNothing) {
   for (const double x : values) EXPECT_TRUE(x == 0 && std::signbit(x));
 }
 
-}  // namespace
+}  // namespace frame_blocks_test
 }  // namespace espalier::dynamics

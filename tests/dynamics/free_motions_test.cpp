@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace free_motions_test {
 
 std::vector<std::string> loose(const std::string& text) {
   const auto mechanism = built(text + "[statics]\n");
@@ -184,5 +184,5 @@ hold = { type = "load", a = "left", force = [-1e6, 0, 0] }
       << s.summary().notices[0];
 }
 
-}  // namespace
+}  // namespace free_motions_test
 }  // namespace espalier::dynamics

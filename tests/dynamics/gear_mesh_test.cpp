@@ -8,7 +8,7 @@
 #include "dynamics/meshers/involute.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace gear_mesh_test {
 
 constexpr double kPi = std::numbers::pi;
 
@@ -194,5 +194,5 @@ TEST(GearMesh, ImpossibleTeethAreRefused) {
   EXPECT_THROW(static_cast<void>(make_spur_gear(gear_of(20, 20), 0, 2, 1)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace gear_mesh_test
 }  // namespace espalier::dynamics

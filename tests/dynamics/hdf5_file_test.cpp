@@ -14,7 +14,7 @@
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace hdf5_file_test {
 
 using hdf5::Earlier;
 using hdf5::File;
@@ -185,5 +185,5 @@ TEST(VtkHdfFile, GoesOnAndKeepsItsHistoryUntilItIsOvertaken) {
   EXPECT_EQ(VtkHdf(folder.path() + "/none.vtkhdf", frames.layout(), 1.0).kept(), std::nullopt);
 }
 
-}  // namespace
+}  // namespace hdf5_file_test
 }  // namespace espalier::dynamics

@@ -5,7 +5,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace held_steps_test {
 
 bool says_vibration(const Simulation& s) {
   for (const std::string& notice : s.summary().notices)
@@ -39,5 +39,5 @@ TEST(HeldSteps, OfASteelBeamThatSwings) {
 
 TEST(HeldSteps, APendulumIsNotHeld) { EXPECT_FALSE(says_vibration(simulated(kPendulum))); }
 
-}  // namespace
+}  // namespace held_steps_test
 }  // namespace espalier::dynamics

@@ -10,7 +10,7 @@
 #include "dynamics/integrators/initial.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace integrator_bdf_test {
 
 using namespace test;
 
@@ -282,5 +282,5 @@ TEST(FirstPoints, OrderComesUpFromOneWhereShortStepsWouldTakeTooMany) {
   }
 }
 
-}  // namespace
+}  // namespace integrator_bdf_test
 }  // namespace espalier::dynamics

@@ -14,7 +14,7 @@
 #include "dynamics/integrators/initial.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace integrator_order_test {
 
 using namespace test;
 
@@ -188,5 +188,5 @@ TEST_P(BdfOrder, IsKeptOnTheRotationGroup) {
   EXPECT_NEAR(std::log2(coarse / fine), k, 0.4) << coarse << " " << fine;
 }
 
-}  // namespace
+}  // namespace integrator_order_test
 }  // namespace espalier::dynamics

@@ -13,7 +13,7 @@
 #include "harmonic.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace jacobian_test {
 
 // Central differences with step 6e-6 carry an error of about 1e-10 of the third derivative plus eps / step = 4e-11 of
 // the size of the terms that cancel; states are of size one, so 2e-8 leaves room for sums over them.
@@ -222,5 +222,5 @@ TEST(JacobiansOfFunctions, DifferencesStandInAndErrorsAreFound) {
   EXPECT_GT(found.phi_q, 1e-5);
 }
 
-}  // namespace
+}  // namespace jacobian_test
 }  // namespace espalier::dynamics

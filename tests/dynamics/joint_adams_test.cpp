@@ -20,7 +20,7 @@
 #include "places.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_adams_test {
 
 const std::filesystem::path kTables = espalier::test::shared_data() / "../dynamics_cases/data/adams_joints";
 
@@ -249,5 +249,5 @@ class AdamsSprings : public AdamsTables {
 TEST_F(AdamsSprings, TranslationalCase01) { spring(1); }
 TEST_F(AdamsSprings, TranslationalCase02) { spring(2); }
 
-}  // namespace
+}  // namespace joint_adams_test
 }  // namespace espalier::dynamics

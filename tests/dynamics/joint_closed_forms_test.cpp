@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_closed_forms_test {
 
 constexpr double kPi = std::numbers::pi;
 const std::string kFine = "[integrator]\nrelative = 1e-9\nabsolute = 1e-11\n";
@@ -367,5 +367,5 @@ TEST(PointOnCurve, CurvesRideOnBodiesAndFlexibleOnesRideOnThem) {
   EXPECT_NEAR(tip.value("clamp.force.z"), -5 - tip.value("slot.force.z"), 1e-6);
 }
 
-}  // namespace
+}  // namespace joint_closed_forms_test
 }  // namespace espalier::dynamics

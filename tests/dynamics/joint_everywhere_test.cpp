@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_everywhere_test {
 
 struct Everywhere {
   std::string name, model, quantity;
@@ -288,5 +288,5 @@ TEST(JointsEverywhere, PageShowsThem) {
   }
 }
 
-}  // namespace
+}  // namespace joint_everywhere_test
 }  // namespace espalier::dynamics

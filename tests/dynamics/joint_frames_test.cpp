@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_frames_test {
 
 std::string rod(const std::string& joint) {
   return "gravity = [0, 0, -9.81]\n[bodies.rod]\ntype = \"rigid\"\nmass = 1\ninertia = [0.01, 0.02, 0.03]\n"
@@ -176,5 +176,5 @@ TEST(Motion, AConstantThatCountsFromTheStartIsRefused) {
   EXPECT_NEAR(simulated(led("1 + 0.01 * t * t")).value("block.position.x"), 0.31, 1e-9);
 }
 
-}  // namespace
+}  // namespace joint_frames_test
 }  // namespace espalier::dynamics

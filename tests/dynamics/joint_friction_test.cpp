@@ -6,7 +6,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_friction_test {
 
 /// A block of mass 3 on an incline of angle a (gravity 10 turned instead of the rail).
 std::string incline(double angle, const std::string& friction, const std::string& more) {
@@ -199,5 +199,5 @@ TEST(JointFriction, SlipSpeedsBelowTheTolerancesDoNotChatter) {
     }
 }
 
-}  // namespace
+}  // namespace joint_friction_test
 }  // namespace espalier::dynamics

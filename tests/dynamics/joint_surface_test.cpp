@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_surface_test {
 
 constexpr double kPi = std::numbers::pi;
 const std::string kFine = "[integrator]\nrelative = 1e-9\nabsolute = 1e-11\n";
@@ -75,5 +75,5 @@ TEST(PointOnSurface, CirclesInBowlsOfAllForms) {
   EXPECT_NEAR(wall.value("wall.friction_force"), 0.2 * 2 * speed * speed / 1.5, 1e-6);
 }
 
-}  // namespace
+}  // namespace joint_surface_test
 }  // namespace espalier::dynamics

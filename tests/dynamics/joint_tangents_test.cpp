@@ -17,7 +17,7 @@
 #include "harmonic.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_tangents_test {
 
 class Draws {
  public:
@@ -340,5 +340,5 @@ TEST(TangentsOfCables, ElasticOnesThatRubAgreeToo) {
     }
 }
 
-}  // namespace
+}  // namespace joint_tangents_test
 }  // namespace espalier::dynamics

@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace joint_wheels_test {
 
 constexpr double kPi = std::numbers::pi;
 const std::string kAccurate = "[integrator]\nrelative = 1e-9\nabsolute = 1e-11\n";
@@ -423,5 +423,5 @@ TEST(Wheels, MistakesAreNamed) {
   expect(two + "[joints.j]\ntype = \"point-on-surface\"\nshape = \"sphere\"\nradius = -1\n" + pair, "greater than 0");
 }
 
-}  // namespace
+}  // namespace joint_wheels_test
 }  // namespace espalier::dynamics

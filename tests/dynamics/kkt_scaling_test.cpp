@@ -8,7 +8,7 @@
 #include "dynamics/dae/kkt.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace kkt_scaling_test {
 
 // Two elastic coordinates are joined to a rigid one, which has no stiffness but rounding: all move by f / (k1 + k2).
 TEST(KktScaling, RoundingOnTheDiagonalIsNoStiffness) {
@@ -29,5 +29,5 @@ TEST(KktScaling, RoundingOnTheDiagonalIsNoStiffness) {
   }
 }
 
-}  // namespace
+}  // namespace kkt_scaling_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace linear_statics_test {
 
 const std::string kLinear = "[statics]\nlinear = true\n";
 
@@ -396,5 +396,5 @@ TEST(LinearStatics, IsNamedWhereAPathEnds) {
   EXPECT_NEAR(s.value("apex.position.z"), 0.2 - 30 / (2000 * slope), 1e-10);
 }
 
-}  // namespace
+}  // namespace linear_statics_test
 }  // namespace espalier::dynamics

@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace matrix_file_test {
 
 std::string stored(const char* name) {
   return (espalier::test::source_folder() / "tests/dynamics/output4" / name).string();
@@ -181,5 +181,5 @@ TEST(MatrixFile, ContentSaysWhatItIs) {
   expect_in("basic one", message([&] { (void)read_grid_points(folder.path() + "/g"); }));
 }
 
-}  // namespace
+}  // namespace matrix_file_test
 }  // namespace espalier::dynamics

@@ -7,7 +7,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace mesh_abaqus_test {
 
 using test::mesh_volume;
 using test::MeshFiles;
@@ -240,5 +240,5 @@ TEST_F(MeshAbaqus, ADeckIsNoModel) {
     EXPECT_NE(status.message.find(part), std::string::npos) << status.message;
 }
 
-}  // namespace
+}  // namespace mesh_abaqus_test
 }  // namespace espalier::dynamics

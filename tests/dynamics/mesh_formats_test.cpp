@@ -7,7 +7,7 @@
 #include "dynamics/mesh_files.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace mesh_formats_test {
 
 using MeshFormats = MeshFiles;
 
@@ -308,5 +308,5 @@ TEST_F(MeshFormats, FoldsAtCornersAreNoticedFoldsAtPointsRefused) {
   }
 }
 
-}  // namespace
+}  // namespace mesh_formats_test
 }  // namespace espalier::dynamics::test

@@ -12,7 +12,7 @@
 #include "places.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace mesh_other_formats_test {
 
 using MeshOther = MeshFiles;
 
@@ -467,5 +467,5 @@ TEST(MeshFormatsTable, StandsInTheGuide) {
   }
 }
 
-}  // namespace
+}  // namespace mesh_other_formats_test
 }  // namespace espalier::dynamics::test

@@ -7,7 +7,7 @@
 #include "places.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace mesh_read_test {
 
 namespace fs = std::filesystem;
 
@@ -355,5 +355,5 @@ TEST(RealMeshes, CountsAndJacobians) {
     }
 }
 
-}  // namespace
+}  // namespace mesh_read_test
 }  // namespace espalier::dynamics::test

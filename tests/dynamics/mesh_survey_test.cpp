@@ -9,7 +9,7 @@
 #include "mesh_files.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace mesh_survey_test {
 
 Mesh one(ElementType type, std::vector<Point> nodes) {
   Mesh mesh;
@@ -148,5 +148,5 @@ TEST(MeshNames, KeptElementsKeepTheirNames) {
   EXPECT_TRUE(mesh.node_sets["end"].empty());
 }
 
-}  // namespace
+}  // namespace mesh_survey_test
 }  // namespace espalier::dynamics::test

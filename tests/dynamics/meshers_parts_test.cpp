@@ -12,7 +12,7 @@
 #include "solid_measures.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace meshers_parts_test {
 
 struct Part {
   std::string name;
@@ -170,5 +170,5 @@ TEST(PartShapes, ImpossibleShapesAreRefused) {
   EXPECT_THROW(static_cast<void>(make_block({1, 1, 1}, 2, 2, 2, ElementType::tet4)), std::invalid_argument);
 }
 
-}  // namespace
+}  // namespace meshers_parts_test
 }  // namespace espalier::dynamics::test

@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier {
-namespace {
+namespace motion_adjoint_test {
 
 using Parameters = std::vector<SensitivityParameter>;
 
@@ -327,5 +327,5 @@ TEST(MotionAdjoint, ObjectiveOfAnEquilibrium) {
   EXPECT_NEAR(r.derivatives[0], 2 * 1.05 * -0.2 / 16, 1e-7);
 }
 
-}  // namespace
+}  // namespace motion_adjoint_test
 }  // namespace espalier

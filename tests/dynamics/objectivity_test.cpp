@@ -7,7 +7,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace objectivity_test {
 
 using Vec3 = Eigen::Vector3d;
 
@@ -130,5 +130,5 @@ TEST(Objectivity, OfAnEquilibrium) {
       1e-6);
 }
 
-}  // namespace
+}  // namespace objectivity_test
 }  // namespace espalier::dynamics

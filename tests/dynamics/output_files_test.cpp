@@ -12,7 +12,7 @@
 #include "dynamics/output/vtu.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace output_files_test {
 
 namespace fs = std::filesystem;
 
@@ -200,5 +200,5 @@ TEST_F(OutputFiles, CsvReadsBack) {
   EXPECT_THROW(CsvWriter((folder_ / "no/such/q.csv").string(), {}), Error);
 }
 
-}  // namespace
+}  // namespace output_files_test
 }  // namespace espalier::dynamics::test

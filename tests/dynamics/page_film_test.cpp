@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace page_film_test {
 
 std::string from_letters(const std::string& text) {
   std::string out;
@@ -172,5 +172,5 @@ TEST(PageFilm, FolderHasItUnlessItIsNotWanted) {
   EXPECT_FALSE(std::filesystem::exists(options.out + "/index.html"));
 }
 
-}  // namespace
+}  // namespace page_film_test
 }  // namespace espalier::dynamics

@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace page_surface_test {
 
 using page::Drawn;
 
@@ -160,5 +160,5 @@ TEST(PageStress, OfBendingIsExactInQuadraticElements) {
   expect_stress(CubeOfTets(true).body(), move, truth);
 }
 
-}  // namespace
+}  // namespace page_surface_test
 }  // namespace espalier::dynamics

@@ -10,7 +10,7 @@
 #include "dynamics/dae/system.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace pattern_builder_test {
 
 using Entries = std::set<std::pair<Index, Index>>;  // column, row
 
@@ -106,5 +106,5 @@ TEST(PatternBuilder, EmptyOnesAndMistakes) {
   EXPECT_THROW(by_rows.add_vertex_pairs(0, pairs.ptr, pairs.ind), std::logic_error);
 }
 
-}  // namespace
+}  // namespace pattern_builder_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace pressure_test {
 
 /// A bar of length 2 and section 1 with E = 1e6 and Poisson's ratio 0, fixed at x = 0.
 std::string bar(const std::string& pressure, const std::string& rest = "[statics]\n") {
@@ -96,5 +96,5 @@ TEST(Pressure, ItsOwnValueIsACircle) {
   EXPECT_NE(status.message.find("depends on itself: gas -> gas"), std::string::npos) << status.message;
 }
 
-}  // namespace
+}  // namespace pressure_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace reader_limits_test {
 
 using Clock = std::chrono::steady_clock;
 
@@ -332,5 +332,5 @@ TEST_F(ReaderLimitsMesh, DeclaredCounts) {
   }
 }
 
-}  // namespace
+}  // namespace reader_limits_test
 }  // namespace espalier::dynamics::test

@@ -13,7 +13,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace reduced_body_test {
 
 // A soft block on a wall, a spring at its end, a rigid body beside it, pressure on its top.
 std::string held(const std::string& reduce) {
@@ -417,5 +417,5 @@ end = 1
   EXPECT_NE(message(rigid + "[integrator]\nend = 1\n").find("bodies.a.reduce"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace reduced_body_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "dynamics/integrators/initial.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace reference_flexible_test {
 
 double value_of(const State& s, std::size_t i) {
   return i < 7 ? s.q[i] : i < 14 ? s.v[i - 7] : i < 21 ? s.a[i - 14] : s.lambda[i - 21];
@@ -66,5 +66,5 @@ TEST(SimeonCrank, TheTruthIsConvergedAndThePublishedValuesAgreeWithIt) {
   }
 }
 
-}  // namespace
+}  // namespace reference_flexible_test
 }  // namespace espalier::dynamics

@@ -16,7 +16,7 @@
 #include "dynamics/joints/joint.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace reference_rigid_test {
 
 BdfOptions tolerance(double t) {
   BdfOptions o;
@@ -314,5 +314,5 @@ TEST(RigidChain, BdfAndGeneralizedAlphaMeet) {
   EXPECT_GT((tip[0] - Vec3(0.55, 0, 0)).norm(), 0.1);
 }
 
-}  // namespace
+}  // namespace reference_rigid_test
 }  // namespace espalier::dynamics

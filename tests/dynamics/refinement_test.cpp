@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace refinement_test {
 
 /// Prints a line of the table and checks the rate: errors fall by `factor` (to half of it and better) from one value of
 /// the parameter to the next until they are below `floor`.
@@ -234,5 +234,5 @@ TEST(Refinement, ElementsAndPiecesOfASaggingBeam) {
   refine("elements in 4 pieces", {4, 8, 16}, 10, 1e-9, [&](double n) { return sag(4, static_cast<int>(n)) - truth; });
 }
 
-}  // namespace
+}  // namespace refinement_test
 }  // namespace espalier::dynamics

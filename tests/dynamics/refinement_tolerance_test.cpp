@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace refinement_tolerance_test {
 
 constexpr double kG = 10, kMass = 2, kEnd = 1.3;
 
@@ -76,5 +76,5 @@ TEST(Refinement, BdfsTolerance) {
   }
 }
 
-}  // namespace
+}  // namespace refinement_tolerance_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace restart_file_test {
 
 void store(const std::string& path, const std::string& content) {
   std::ofstream(path, std::ios::binary | std::ios::trunc) << content;
@@ -271,5 +271,5 @@ TEST(RunGoesOn, TheSeriesKeepsItsHistoryUntilItIsOvertaken) {
   EXPECT_FALSE(none.resume(1.0).has_value());
 }
 
-}  // namespace
+}  // namespace restart_file_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "harmonic.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace rigid_pair_test {
 
 // A rigid frame that joints do not know as one.
 class Disguised final : public Frame {
@@ -126,5 +126,5 @@ INSTANTIATE_TEST_SUITE_P(Kinds, RigidPairOf,
                                          Kind{"translation_motor", motor()}),
                          [](const auto& kind) { return kind.param.name; });
 
-}  // namespace
+}  // namespace rigid_pair_test
 }  // namespace espalier::dynamics

@@ -12,7 +12,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace rolling_test {
 
 constexpr double kPi = std::numbers::pi;
 
@@ -320,5 +320,5 @@ TEST(Rolling, AdjointAndEquilibriaAreRefusedWithReasons) {
   EXPECT_NE(message(model + "[statics]\n", SensitivityMethod::forward).find("do not pass rolling"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace rolling_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "base/at.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace row_ranges_test {
 
 /// Columns of up to `most` entries, every seventh empty, some rows in none.
 SparsePattern made_up(Index rows, Index cols, Index most) {
@@ -50,5 +50,5 @@ TEST(RowRanges, SumsAreThoseOfALoop) {
   }
 }
 
-}  // namespace
+}  // namespace row_ranges_test
 }  // namespace espalier::dynamics

@@ -8,7 +8,7 @@
 #include "model_common.hpp"
 
 namespace espalier {
-namespace {
+namespace sensitivities_contact_test {
 
 SensitivityResult differentiated(const std::string& text, const std::vector<SensitivityParameter>& parameters) {
   SensitivityResult result = sensitivities_of_text(text, "model.toml", parameters, {});
@@ -106,5 +106,5 @@ TEST(SensitivitiesOfContacts, Restitution) {
   EXPECT_NEAR(r.derivative(z, height), by_height, 0.1 * by_height);
 }
 
-}  // namespace
+}  // namespace sensitivities_contact_test
 }  // namespace espalier

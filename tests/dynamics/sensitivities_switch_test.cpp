@@ -9,7 +9,7 @@
 #include "espalier/sensitivities.hpp"
 
 namespace espalier {
-namespace {
+namespace sensitivities_switch_test {
 
 struct SwitchCase {
   std::string name, text;
@@ -164,5 +164,5 @@ TEST(DerivativesThroughSwitches, AJumpIsLeftAndSpokenOf) {
   EXPECT_EQ(derivatives[0], 0.5);
 }
 
-}  // namespace
+}  // namespace sensitivities_switch_test
 }  // namespace espalier

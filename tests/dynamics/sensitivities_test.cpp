@@ -9,7 +9,7 @@
 #include "model_common.hpp"
 
 namespace espalier {
-namespace {
+namespace sensitivities_test {
 
 using dynamics::simulated;
 
@@ -394,5 +394,5 @@ quantities = ["mass.position.x"]
   EXPECT_TRUE(sensitivities_of_text(motion, "model.toml", {{"parameters.k"}}).status.ok());
 }
 
-}  // namespace
+}  // namespace sensitivities_test
 }  // namespace espalier

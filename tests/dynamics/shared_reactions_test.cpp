@@ -6,7 +6,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace shared_reactions_test {
 
 /// A table of 8 kg on four legs at (+-a, +-b), with its centre of mass at (x, y).
 std::string table(double x, double y) {
@@ -77,5 +77,5 @@ TEST(SharedReactions, OfADoorOnTwoHinges) {
   }
 }
 
-}  // namespace
+}  // namespace shared_reactions_test
 }  // namespace espalier::dynamics

@@ -7,7 +7,7 @@
 #include "elements_common.hpp"
 
 namespace espalier::dynamics::test {
-namespace {
+namespace solid_block_test {
 
 struct Setting {
   bool moving;
@@ -130,5 +130,5 @@ INSTANTIATE_TEST_SUITE_P(Lanes, SolidBlock,
                                               std::get<1>(p.param) == SolidLaw::neo_hookean ? "neo_hookean" : "svk");
                          });
 
-}  // namespace
+}  // namespace solid_block_test
 }  // namespace espalier::dynamics::test

@@ -7,7 +7,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace start_velocities_test {
 
 /// Crank of 0.15 from the origin upwards, rod of 0.5 to the slider on the x axis.
 std::string slider_crank(const std::string& crank, const std::string& rod, const std::string& initial) {
@@ -75,5 +75,5 @@ TEST(StartVelocities, WithoutAnyNothingIsSaid) {
   EXPECT_FALSE(says(notices, "initial velocities"));
 }
 
-}  // namespace
+}  // namespace start_velocities_test
 }  // namespace espalier::dynamics

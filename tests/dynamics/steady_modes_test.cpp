@@ -13,7 +13,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace steady_modes_test {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
@@ -274,5 +274,5 @@ TEST(SteadyModes, MistakesAreNamed) {
   EXPECT_FALSE(model_modes_of_text(model, "rotor.toml", "initial.rotation.speed", {}).status.ok());
 }
 
-}  // namespace
+}  // namespace steady_modes_test
 }  // namespace espalier::dynamics

@@ -14,7 +14,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace substructure_test {
 
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
@@ -425,5 +425,5 @@ TEST(Substructure, MistakesAreNamed) {
   expect_in("model.toml", said(good, 6, "lines = [1, 2, 1]\n"));
 }
 
-}  // namespace
+}  // namespace substructure_test
 }  // namespace espalier::dynamics

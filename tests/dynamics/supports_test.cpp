@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace supports_test {
 
 const std::string kLinear = "[statics]\nlinear = true\n";
 
@@ -316,5 +316,5 @@ TEST(Supports, RefuseWhatTheyCannotHold) {
   }
 }
 
-}  // namespace
+}  // namespace supports_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace switches_test {
 
 constexpr double kGravity = 9.81;
 const std::string kFloor = "[surfaces.floor]\nbody = \"ground\"\nshape = \"plane\"\n";
@@ -262,5 +262,5 @@ TEST(Switches, TwoInAStepAreDivided) {
   EXPECT_EQ(share_of([](double t) { return 0.5 + t; }, true), 1);
 }
 
-}  // namespace
+}  // namespace switches_test
 }  // namespace espalier::dynamics

@@ -7,7 +7,7 @@
 #include "dynamics/built_model.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace thin_bodies_test {
 
 const std::string kShells = R"(
 [bodies.floor]
@@ -103,5 +103,5 @@ TEST(ThinBodies, LoadsPerLengthHaveTheirMoment) {
   }
 }
 
-}  // namespace
+}  // namespace thin_bodies_test
 }  // namespace espalier::dynamics

@@ -11,7 +11,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace trace_test {
 
 const std::string kSwing = R"toml(gravity = [0, 0, -10]
 [bodies.block]
@@ -81,5 +81,5 @@ TEST(Trace, ARunThatKeepsNoneSaysSo) {
   EXPECT_THROW((void)simulation.write_trace("unused"), std::logic_error);
 }
 
-}  // namespace
+}  // namespace trace_test
 }  // namespace espalier::dynamics

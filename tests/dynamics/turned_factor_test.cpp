@@ -17,7 +17,7 @@
 #include "dynamics/model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace turned_factor_test {
 
 Eigen::Matrix3d rotation(double angle, const Eigen::Vector3d& axis) {
   return Eigen::AngleAxisd(angle, axis.normalized()).toRotationMatrix();
@@ -242,5 +242,5 @@ TEST(TurnedFactor, ServesMostStepsOfAnEngine) {
   }
 }
 
-}  // namespace
+}  // namespace turned_factor_test
 }  // namespace espalier::dynamics

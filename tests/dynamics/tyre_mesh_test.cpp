@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace tyre_mesh_test {
 
 using Vec3 = Eigen::Vector3d;
 constexpr double kPi = std::numbers::pi;
@@ -102,5 +102,5 @@ TEST(TyreMesh, MistakesAreNamed) {
   EXPECT_NE(mistake("sectors = 2").find("sectors"), std::string::npos);
 }
 
-}  // namespace
+}  // namespace tyre_mesh_test
 }  // namespace espalier::dynamics

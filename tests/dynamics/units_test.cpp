@@ -10,7 +10,7 @@
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace units_test {
 
 struct Units {
   const char* name;
@@ -278,5 +278,5 @@ newton_tolerance = 1e-6
   expect_same(text, 1e-8);
 }
 
-}  // namespace
+}  // namespace units_test
 }  // namespace espalier::dynamics

@@ -16,7 +16,7 @@
 #include "dynamics/model_common.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace vectors_test {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
@@ -220,5 +220,5 @@ TEST(Vectors, IntegratorsGiveTheSameBitsForAnyThreads) {
   }
 }
 
-}  // namespace
+}  // namespace vectors_test
 }  // namespace espalier::dynamics

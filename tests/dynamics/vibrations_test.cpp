@@ -10,7 +10,7 @@
 #include "dynamics/built_model.hpp"
 
 namespace espalier::dynamics {
-namespace {
+namespace vibrations_test {
 
 // A block of solid elements, clamped at its left end by a fixed joint (multipliers), with a rigid body at the other.
 std::string block_on_a_wall(const std::string& damping) {
@@ -135,5 +135,5 @@ TEST(Vibrations, OfThinWires) {
   }
 }
 
-}  // namespace
+}  // namespace vibrations_test
 }  // namespace espalier::dynamics

@@ -12,10 +12,9 @@
 #include "espalier/espalier.hpp"
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
+#include "solver/rounding.hpp"
 
 namespace espalier::test {
-
-inline constexpr double kEps = std::numeric_limits<double>::epsilon();
 
 inline Options two_threads() {
   Options o;
