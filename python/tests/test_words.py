@@ -51,3 +51,11 @@ def test_joints_out_of_reach():
     model.joint("rod", "distance", a={"body": "ground", "point": [0, 2, 0]}, b={"body": "crank", "point": [0.5, 0, 0]}, length=5)
     with pytest.raises(esp.InvalidInputError, match=r"joint 'rod': length 5 is asked, the mechanism reaches (3|2\.9999\d*) \(2 missing\)"):
         model.run()
+
+
+def test_the_ground_where_only_bodies_can_be():
+    model = swing()
+    model.body("bob", mass=1, inertia=[1, 1, 1])
+    model.support("clamp", body="ground", face="x0")
+    with pytest.raises(esp.InvalidInputError, match="the ground is no body here"):
+        model.run()

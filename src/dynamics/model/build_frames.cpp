@@ -167,6 +167,7 @@ void FrameBuilder::note_initial_state() {
 }
 
 void FrameBuilder::unknown_body(const std::string& name, const Place& place) const {
+  if (name == "ground") fail(place, "the ground is no body here: name one of the model's");
   std::vector<std::string> names = {"ground"};
   for (const BuiltBody& b : built_.bodies) names.push_back(b.spec.name);
   fail(place, fmt::format("unknown body '{}'{}", name, suggestion(name, names)));
