@@ -193,7 +193,7 @@ const MeshMaterial* material_named(const std::vector<MeshMaterial>& materials, c
 
 std::pair<double, MeshMaterial> equivalent_layer(const ShellSection& section,
                                                  const std::vector<MeshMaterial>& materials) {
-  constexpr double kSame = 1e-9;
+  constexpr double kSameThickness = 1e-9;
   const auto refuse = [&](const std::string& what) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: layers {}: that is no section of our shells, which are of one isotropic material; {}",
