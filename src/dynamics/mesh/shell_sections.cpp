@@ -193,7 +193,7 @@ const MeshMaterial* material_named(const std::vector<MeshMaterial>& materials, c
 
 std::pair<double, MeshMaterial> equivalent_layer(const ShellSection& section,
                                                  const std::vector<MeshMaterial>& materials) {
-  constexpr double kSameThickness = 1e-9;
+  constexpr double kAlike = 1e-9;
   const auto refuse = [&](const std::string& what) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: layers {}: that is no section of our shells, which are of one isotropic material; {}",
@@ -205,7 +205,7 @@ std::pair<double, MeshMaterial> equivalent_layer(const ShellSection& section,
   for (const ShellLayer& layer : section.layers) {
     const MeshMaterial* m = material_named(materials, layer.material);
     if (m == nullptr) refuse(fmt::format("of '{}', which has no Young's modulus (of one direction)", layer.material));
-    if (out.young > 0 && std::abs(m->poisson - out.poisson) > kSameThickness) refuse("with different Poisson's ratios");
+    if (out.young > 0 && std::abs(m->poisson - out.poisson) > kAlike) refuse("with different Poisson's ratios");
     out.young = m->young;
     out.poisson = m->poisson;
     weighs = weighs && m->density > 0;
@@ -216,7 +216,7 @@ std::pair<double, MeshMaterial> equivalent_layer(const ShellSection& section,
     mass += m->density * layer.thickness;
     z = top;
   }
-  if (std::abs(couple) > kSameThickness * stretch * section.thickness) refuse("that do not lie alike about the middle");
+  if (std::abs(couple) > kAlike * stretch * section.thickness) refuse("that do not lie alike about the middle");
   const double thickness = std::sqrt(12 * bend / stretch);
   out.name = section.place;
   out.young = stretch / thickness;
