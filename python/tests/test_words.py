@@ -56,6 +56,6 @@ def test_joints_out_of_reach():
 def test_the_ground_where_only_bodies_can_be():
     model = swing()
     model.body("bob", mass=1, inertia=[1, 1, 1])
-    model.support("clamp", body="ground", face="x0")
+    model.support("clamp", body="ground", face="x0", hold="all")
     with pytest.raises(esp.InvalidInputError, match="the ground is no body here"):
         model.run()
