@@ -17,7 +17,7 @@ namespace espalier::bench {
 /// What machines are made of. Seconds and bytes per second; rates of H200s.
 struct ClusterRates {
   plan::MachineModel gpu = plan::h200();
-  /// Over plan::front_seconds(): fits elasticity 64^3 and 96^3 on 1, 2 and 4 H200s (docs/notebook/performance.md).
+  /// Over plan::front_seconds(): fits elasticity 64^3 and 96^3 on 1, 2 and 4 H200s (docs/notebook/clusters.md).
   double speed = 1.09;
   Index per_machine = 8;
   /// Out of one GPU over NVLink: what 1 of 2 H200s stores into the other while both factorize.
@@ -25,7 +25,7 @@ struct ClusterRates {
   /// Each way through the network interface that every GPU has: nine tenths of 400 Gb/s.
   double network = 4.5e10;
   /// A diagonal tile of 64 columns after the one before it: on one GPU, and what another GPU of the machine adds
-  /// (measured: 50 and 72 microseconds, docs/notebook/performance.md).
+  /// (measured: 50 and 72 microseconds, plan/machine_model.cpp).
   double diagonal = 5.0e-5, hop = 2.2e-5;
   /// What the network adds to that: assumed, nothing was measured. Host-driven messages.
   double network_hop = 4.0e-5;

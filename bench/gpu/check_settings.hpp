@@ -32,7 +32,7 @@ struct CheckSettings {
 };
 
 /// Milliseconds of a refactorization and of a solve with one right-hand side that must be reached on one H200
-/// (docs/notebook/performance.md).
+/// (docs/notebook/gpu.md).
 struct Floor {
   const char* system;
   double factor, solve;

@@ -131,7 +131,7 @@ struct JacobianCheck {
 enum class DaeMethod { bdf, generalized_alpha };
 
 /// How bdf solves the equations of a step. `reduced` is the one to use; the others are references that work on dense
-/// matrices of 3 n + m unknowns (docs/design.md).
+/// matrices of 3 n + m unknowns.
 enum class DaeIteration { reduced, full_matched, full_tangent, full_boolean };
 
 /// All options of both methods. Those that say so belong to one of them; the other does not look at them.

@@ -21,7 +21,7 @@ struct FrontTree {
 };
 
 /// Time of one small front as the amalgamation sees it, fitted to refactorizations on the host
-/// (docs/notebook/performance.md, "cost model"):
+/// (docs/notebook/machine_model.md):
 ///   seconds = front + entry * (entries of its columns) + contribution * (entries handed to the parent)
 ///           + flop * flops * (1 + narrow / width),
 /// and `tiled` more for a front that is no single task on a GPU.
@@ -32,7 +32,7 @@ struct AmalgamationCost {
   double flop = 1.0 / 15e9;    ///< seconds per flop of a front of some dozen columns on one core
   double narrow = 8;           ///< width at which a front runs at half that rate
   /// Beyond these sizes GPUs cut a front into tiles, and its tasks wait for each other. In a chain of bodies that is
-  /// half of all time; on the host such trees are no slower (docs/notebook/performance.md, "Fronts of one task").
+  /// half of all time; on the host such trees are no slower (docs/notebook/gpu.md, "Fronts of one task").
   Index whole_rows = 64, whole_pivots = 32;
   double tiled = 4e-6;
 };

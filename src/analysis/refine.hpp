@@ -18,7 +18,7 @@ struct Separation {
 /// What makes a separation good: its separator's weight times (1 + imbalance^2 / 10), imbalance = difference of the
 /// sides over their sum. The work of eliminating a side grows like the square of its size in 3-D, so that of both like
 /// 1 + imbalance^2; but a smaller separator also leaves smaller fronts in all parts below, which weighs more: with a
-/// tenth of the imbalance flops fall by 5 % on the mean of six scalar grids (docs/notebook/results.md). The hard bound
+/// tenth of the imbalance flops fall by 5 % on the mean of six scalar grids (docs/notebook/ordering.md). The hard bound
 /// is `most_side`.
 double score(const Separation& s);
 

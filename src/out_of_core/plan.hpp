@@ -153,7 +153,7 @@ struct PlanningRates {
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
   double resident = -1;  ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
-  // Of a solve: bytes of the factor in a second (docs/notebook/performance.md, "Memory curve").
+  // Of a solve: bytes of the factor in a second (docs/notebook/out_of_core.md, "Factors that stay").
   double host_solve = 55e9;      ///< read by the host's threads (16 of them: 35 to 60)
   double device_solve = 2.5e12;  ///< by the device, in its own memory
 };

@@ -14,7 +14,7 @@
 /// Algorithms, 2nd ed., section 3.5, twice), so errors of x2 = M2 b2 + P^ b1 have the bound, with another c, of those
 /// of M2 (b2 - L21 (M1 b1)). Residuals do not: that of M2 (b2 - L21 (M1 b1)) is consistent with the x1 that was
 /// computed, that of M2 b2 + P^ b1 is up to |L2| times its error. Where L is bounded, as by the diagonal in L L^T,
-/// backward errors stay what they were (docs/notebook/performance.md). Where pivots are chosen inside tiles alone and
+/// backward errors stay what they were (docs/notebook/gpu.md, "Solve"). Where pivots are chosen inside tiles alone and
 /// entries of L grow, they do not: a random indefinite matrix went from 1.6e-14 to 1.1e-13. So L D L^T and L U keep
 /// their tiles, which also saves their refactorizations the time.
 #pragma once

@@ -10,7 +10,7 @@
 
 namespace espalier::device::cuda {
 
-/// Knobs of the plan that were chosen by measurement (docs/notebook/performance.md, "Tile width").
+/// Knobs of the plan that were chosen by measurement (docs/notebook/gpu.md, "Tile width on a GPU").
 struct DeviceTuning {
   Index max_block_size = 0;  ///< widest tile column: below 64, all fronts have 32; the kernels know these two widths
   Index narrow_rows = 1024;  ///< fronts of at most that many rows have tile columns of 32, larger ones of 64
