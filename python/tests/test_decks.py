@@ -58,6 +58,22 @@ class Decks(unittest.TestCase):
         with self.assertRaisesRegex(esp.InvalidInputError, r"bar\.inp:\d+: .*\*BUCKLE"):
             esp.Simulation(self.path)
 
+    def test_wedges_that_lock_in_bending_say_so(self):
+        place = lambda i, j, k: 1 + i + 9 * (j + 2 * k)  # noqa: E731
+        nodes = [f"{place(i, j, k)},{i},{j},{k}" for k in (0, 1) for j in (0, 1) for i in range(9)]
+        wedges = []
+        for i in range(8):
+            for corners in (((i, 0), (i + 1, 0), (i + 1, 1)), ((i, 0), (i + 1, 1), (i, 1))):
+                wedges.append([place(*c, k) for k in (0, 1) for c in corners])
+        rows = [f"{1 + e}," + ",".join(map(str, w)) for e, w in enumerate(wedges)]
+        end = [",".join(str(place(i, j, k)) for j in (0, 1) for k in (0, 1)) for i in (0, 8)]
+        self.path.write_text("\n".join(
+            ["*NODE", *nodes, "*ELEMENT, TYPE=C3D6, ELSET=BAR", *rows, "*NSET, NSET=LEFT", end[0], "*NSET, NSET=RIGHT", end[1],
+             "*MATERIAL, NAME=M", "*ELASTIC", "1000, 0", "*SOLID SECTION, ELSET=BAR, MATERIAL=M", "*BOUNDARY", "LEFT, 1, 3",
+             "*STEP", "*STATIC", "*CLOAD", "RIGHT, 3, 0.001", ""]))
+        model = esp.Model({"bodies": {"bar": {"mesh": {"file": str(self.path), "take": "all"}}}})
+        self.assertTrue(any("wedge6 elements, which lock" in notice for notice in model.run().summary["notices"]))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -100,15 +100,16 @@ Compression compression_of(const Eigen::Matrix3Xd& reference, const Eigen::Matri
 std::optional<std::string> locking_notice(const BuiltBody& body) {
   const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
   if (solid == nullptr || !body.mesh || body.mesh->nodes.empty()) return std::nullopt;  // reduced ones lock as well
-  bool tets = false, walls = false;
+  bool tets = false, wedges = false, walls = false;
   const Hex8Formulation hex8 = solid->options.hex8;
   const bool shear_locks = hex8 == Hex8Formulation::full || hex8 == Hex8Formulation::mean_dilatation;
   double longest = 0, count = 0;  // edges of linear elements that lock
   for (const Index e : elements_of(*body.mesh, *solid)) {
     const ElementType type = body.mesh->type(e);
-    const bool tet = type == ElementType::tet4, hex = type == ElementType::hex8;
+    const bool tet = type == ElementType::tet4, hex = type == ElementType::hex8, wedge = type == ElementType::wedge6;
     tets = tets || tet;
-    if (tet || (hex && shear_locks)) {
+    wedges = wedges || wedge;
+    if (tet || wedge || (hex && shear_locks)) {
       longest += longest_edge(places(body.mesh->element(e), reference_of_mesh(*body.mesh))) / std::sqrt(3.0);
       ++count;
     } else if (type == ElementType::hex20 && !solid->options.reduced_hex20 && !walls) {
@@ -116,13 +117,14 @@ std::optional<std::string> locking_notice(const BuiltBody& body) {
     }
   }
   if (count > 0 && bends_coarsely(body, longest / count))
-    return tets ? fmt::format(
-                      "'{}' has tet4 elements, which lock: in bending they are far too stiff. Take tet10, or hexahedra",
-                      body.spec.name)
-                : fmt::format(
-                      "'{}' has hex8 = \"{}\", which locks: in bending such elements are far too stiff. hex8 = "
-                      "\"enhanced\" bends exactly",
-                      body.spec.name, hex8 == Hex8Formulation::full ? "full" : "mean-dilatation");
+    return tets || wedges
+               ? fmt::format(
+                     "'{}' has {} elements, which lock: in bending they are far too stiff. Take {}, or hexahedra",
+                     body.spec.name, tets ? "tet4" : "wedge6", tets ? "tet10" : "wedge15")
+               : fmt::format(
+                     "'{}' has hex8 = \"{}\", which locks: in bending such elements are far too stiff. hex8 = "
+                     "\"enhanced\" bends exactly",
+                     body.spec.name, hex8 == Hex8Formulation::full ? "full" : "mean-dilatation");
   if (walls)
     return fmt::format(
         "'{}' has hex20 elements that are thin and curved: with full integration they may be a third too stiff in "
