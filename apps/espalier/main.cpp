@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <csignal>
 #include <cstring>
 #include <exception>
@@ -77,7 +78,14 @@ int report_usage(const CLI::App& app, const CLI::ParseError& error) {
   const std::vector<std::string> words = app.remaining(true);
   const bool unknown =
       error.get_name() == "RequiredError" && command->get_require_subcommand_min() > 0 && !words.empty();
-  print_error(unknown ? fmt::format("there is no command '{} {}'", name, words.front()) : error.what());
+  // Its value was taken for the next argument, and CLI11 complains about that.
+  const auto option = std::ranges::find_if(words, [](const std::string& word) { return word.starts_with('-'); });
+  if (unknown)
+    print_error(fmt::format("there is no command '{} {}'", name, words.front()));
+  else if (option != words.end())
+    print_error(fmt::format("'{}' has no option {}", name, *option));
+  else
+    print_error(error.what());
   print_hint(fmt::format("see '{} --help'", name));
   return kBadInput;
 }

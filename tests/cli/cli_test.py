@@ -126,6 +126,11 @@ raise SystemExit(7)
 
 
 class Usage(Cli):
+    def test_an_option_that_there_is_not_is_named(self):
+        """Whatever stands behind it, which is read as the next argument."""
+        for arguments in (["--repeats", "5", "--generate", "poisson 4 4 4"], ["--generate", "poisson 4 4 4", "--repeats"]):
+            self.expect(2, "solve", *arguments, says="has no option --repeats")
+
     def test_wrong_usage_is_2_and_points_to_help(self):
         for arguments in ([], ["dance"], ["solve"], ["solve", "--colour", "a.mtx"], ["solve", "a.mtx", "b.mtx"],
                           ["solve", "a.mtx", "--refactor", "many"], ["solve", "a.mtx", "--refactor", "-1"],
