@@ -7,11 +7,29 @@
 #include <span>
 #include <vector>
 
+#include "espalier/solve_rows.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier {
 
-/// A factorized system with changes, all of which become rows and columns around it:
+/// What changes around a factor have cost, beside what a fresh factor would. Operations are counted, so that decisions
+/// do not depend on the clock: those of a factorization as AnalysisResult::flops, a sweep through the factor 50 for
+/// each of its entries, for which it waits, and 4 more for each column.
+struct ChangeCost {
+  double changes = 0;                ///< operations of columns, and of products with them, since the last factorization
+  double factorization = 0;          ///< of the changed matrix, with the analysis where its pattern has changed
+  Index columns = 0;                 ///< that went through the factor since then
+  Index factorizations = 0;          ///< of the changed matrix, since the last reset()
+  double column_seconds = 0;         ///< that these columns have taken
+  double factorization_seconds = 0;  ///< of the last factorization, or where there was none, of the solver's
+};
+
+/// What ChangedSystem::solve() did.
+struct ChangedSolveResult : SolveResult {
+  ChangeCost cost;
+};
+
+/// A factorized system with changes, which become rows and columns around it:
 ///
 ///     [ A  U ] [ x ]   [ b ]      S = D - W A^-1 U, dense, one row for each change;
 ///     [ W  D ] [ t ] = [ d ]      x = A^-1 b - A^-1 U t,  S t = d - W A^-1 b
@@ -19,19 +37,25 @@ namespace espalier {
 ///  - *added* unknowns and equations, as constraints of a KKT system: U, W and D are theirs;
 ///  - *removed* ones: x_p = 0, and equation p is dropped. U and W are the unit vector of p, D is 0, t takes up what is
 ///    left of equation p;
+///  - *replaced* ones: removed, with added ones in their place, under the same number;
 ///  - a change of *low rank*, A + U C V^T: W = C V^T, D = -I. That is the formula of Woodbury (1950) without an inverse
 ///    of C, which may be singular.
 ///
-/// Each change costs one solve with the factor for each of its columns, and n values of memory a column; each solve one
-/// with A and products with the columns. No analysis or factorization is made anew. Solutions are refined with the
-/// residual of the changed system.
+/// Changes are noted when they are made. The next solve() lets the columns of all that are new go through the factor
+/// together, 32 at a time, and keeps them; what is removed and restored later costs nothing. On a GPU that holds the
+/// factor the columns stay there. Each solve takes one with A and products with the columns. Solutions are refined with
+/// the residual of the changed system.
+///
+/// Where columns and solves with them have taken as many operations as a factorization of the changed matrix would, it
+/// is factorized, beside the solver's factor, which stays as it is: so the whole costs at most twice what the better of
+/// both ways would have (ChangeCost; set_folding()).
 ///
 /// Unknowns keep their numbers whatever comes and goes: 0 to n - 1 are those of A, added ones follow in the order in
 /// which they came. The Solver must outlive this object and keep its factor: once it is factorized again, calls throw
 /// std::logic_error until reset(). Not safe for concurrent calls, nor beside calls on the Solver.
 class ChangedSystem {
  public:
-  /// @throws std::logic_error where `solver` has no factor
+  /// @throws std::logic_error where `solver` has no factor, or ranks share it
   explicit ChangedSystem(Solver& solver);
   ~ChangedSystem();
   ChangedSystem(ChangedSystem&&) noexcept;
@@ -42,32 +66,60 @@ class ChangedSystem {
   /// @param rows     likewise how the new equations depend on the unknowns of A; empty: as `columns` (symmetric)
   /// @param corner   count * count, column by column, among the new ones; empty: zeros. Between those of different
   ///                 calls there are zeros
-  /// @throws std::invalid_argument for arrays of other sizes, here and below
+  /// @throws std::invalid_argument for arrays of other sizes, here and below. Status invalid_input for numbers that are
+  ///         not finite and indices out of range, which it names; nothing has changed then
   Status add(std::span<const double> columns, Index count, std::span<const double> rows = {},
              std::span<const double> corner = {});
+  /// The same by their entries, which may stand in any of the size() unknowns that are there.
+  /// @param rows  the equations, each as a column of entries; without columns: as `columns`
+  Status add(const SparseColumns& columns, const SparseColumns& rows = {}, std::span<const double> corner = {});
+  /// Gives unknowns another column and another row, in all equations and unknowns that are there. What was said of
+  /// them before, changes of low rank too, holds no more.
+  /// @param unknowns  none that is removed
+  /// @param columns   one for each, entries of unknowns 0 to size() - 1, the diagonal entry among them; of what stands
+  ///                  between two of the list the later one decides
+  /// @param rows      likewise, without the diagonal entry; without columns: as `columns`
+  Status replace(std::span<const Index> unknowns, const SparseColumns& columns, const SparseColumns& rows = {});
   /// Removes unknowns, of A or added, with the equations of the same number.
   /// Status invalid_input for numbers out of range, twice in the list, or of what is removed already.
   Status remove(std::span<const Index> unknowns);
   /// Takes back what remove() did. Status invalid_input for what is not removed.
   Status restore(std::span<const Index> unknowns);
+  /// Removes those that are there, restores those that are removed: an active set of bounds that changes.
+  Status flip(std::span<const Index> unknowns);
   /// A + U C V^T, on top of what was added before.
   /// @param u, v  rank * n, column by column; v empty: u (symmetric)
   /// @param c     rank * rank, column by column; empty: the identity
   Status add_low_rank(std::span<const double> u, Index rank, std::span<const double> c = {},
                       std::span<const double> v = {});
+  /// The same by entries. A column of A becomes another one by u = the new one less the old one, v = the unit vector.
+  /// @param u, v  entries of unknowns 0 to n - 1
+  Status add_low_rank(const SparseColumns& u, std::span<const double> c = {}, const SparseColumns& v = {});
   /// Forgets all changes, and takes the factor that the Solver has now.
   void reset();
 
+  /// Lets the columns of what is new go through the factor now, or factorizes the changed matrix. solve() does that
+  /// where it is needed.
+  /// Status singular where S, and so the changed matrix, is singular to rounding. Changes may be taken back then.
+  Status prepare();
+  /// Factorizes the changed matrix now: the memory of another factor, and of a copy of the matrix.
+  /// Where it fails, singular or without memory, everything is as it was.
+  Status fold();
+  /// Whether prepare() and solve() do so by themselves; they do at first.
+  void set_folding(bool automatic);
+
   [[nodiscard]] Index size() const;     ///< unknowns: n and all that were added, removed ones among them
-  [[nodiscard]] Index changes() const;  ///< rows of S
+  [[nodiscard]] Index changes() const;  ///< rows that S has, or will have after the next prepare() without folding
+  [[nodiscard]] bool removed(Index unknown) const;  ///< @throws std::out_of_range
+  [[nodiscard]] ChangeCost cost() const;
   /// Solves for `columns` right-hand sides of size() values. What b says of removed equations is not read; removed
   /// unknowns are 0. x may be b.
-  /// `backward_error` is normwise, of the changed system, over a lower bound of its norm (Hager's, rarely off by more
-  /// than a factor of 3), so that it is never too small; `componentwise_error` is NaN.
-  /// Status singular where S, and so the changed matrix, is singular to rounding.
-  SolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1);
+  /// `backward_error` is normwise, of the changed system, over its norm, or a lower bound where changes touch more than
+  /// 4096 rows, so that it is never too small; `componentwise_error` is NaN.
+  /// Status as prepare().
+  ChangedSolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1);
   /// Of the changed matrix without its removed rows and columns, by Haynsworth's theorem; -1 where A or a change is not
-  /// symmetric.
+  /// symmetric. Makes columns as prepare() does. @throws Error where the device or memory fails
   [[nodiscard]] Inertia inertia() const;
 
  private:

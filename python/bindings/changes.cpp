@@ -210,11 +210,34 @@ class ChangedHandle {
   explicit ChangedHandle(SolverHandle& solver) : solver_(solver), generation_(solver.generation()) {
     solver_.with_solver(generation_, [&](Solver& s) { changed_ = std::make_unique<ChangedSystem>(s); });
   }
-  nb::tuple add(const Values& columns, Index count, const Values& rows, const Values& corner) {
-    return status([&] { return changed_->add(span_of(columns), count, span_of(rows), span_of(corner)); });
+  nb::tuple add(const Pointers& p, const Indices& i, const Values& v, const Pointers& rp, const Indices& ri,
+                const Values& rv, const Values& corner) {
+    return status([&] { return changed_->add(entries_of(p, i, v), entries_of(rp, ri, rv), span_of(corner)); });
   }
-  nb::tuple add_low_rank(const Values& u, Index rank, const Values& c, const Values& v) {
-    return status([&] { return changed_->add_low_rank(span_of(u), rank, span_of(c), span_of(v)); });
+  nb::tuple replace(const Indices& list, const Pointers& p, const Indices& i, const Values& v, const Pointers& rp,
+                    const Indices& ri, const Values& rv) {
+    return status([&] {
+      return changed_->replace({list.data(), list.size()}, entries_of(p, i, v), entries_of(rp, ri, rv));
+    });
+  }
+  nb::tuple add_low_rank(const Pointers& p, const Indices& i, const Values& v, const Values& c, const Pointers& vp,
+                         const Indices& vi, const Values& vv) {
+    return status([&] { return changed_->add_low_rank(entries_of(p, i, v), span_of(c), entries_of(vp, vi, vv)); });
+  }
+  nb::tuple flip(const Indices& list) {
+    return status([&] { return changed_->flip({list.data(), list.size()}); });
+  }
+  nb::tuple prepare() {
+    return status([&] { return changed_->prepare(); });
+  }
+  nb::tuple fold() {
+    return status([&] { return changed_->fold(); });
+  }
+  void set_folding(bool automatic) { changed_->set_folding(automatic); }
+  [[nodiscard]] nb::tuple cost() const {
+    const ChangeCost c = changed_->cost();
+    return nb::make_tuple(c.changes, c.factorization, c.columns, c.factorizations, c.column_seconds,
+                          c.factorization_seconds);
   }
   nb::tuple remove(const Indices& list) {
     return status([&] { return changed_->remove({list.data(), list.size()}); });
@@ -224,7 +247,7 @@ class ChangedHandle {
   }
   nb::tuple solve(const Values& b, Index columns) {
     std::vector<double> x(b.size());
-    SolveResult r;
+    ChangedSolveResult r;
     solver_.with_solver(generation_, [&](Solver&) { r = changed_->solve(span_of(b), x, columns); });
     return solved(
         r, array_of(std::move(x), {static_cast<std::size_t>(columns), b.size() / static_cast<std::size_t>(columns)}));
@@ -237,6 +260,9 @@ class ChangedHandle {
   [[nodiscard]] Index size() const { return changed_->size(); }
 
  private:
+  static SparseColumns entries_of(const Pointers& p, const Indices& i, const Values& v) {
+    return {{p.data(), p.size()}, {i.data(), i.size()}, {v.data(), v.size()}};
+  }
   template <class Body>
   nb::tuple status(Body&& body) {
     Status s;
@@ -269,8 +295,17 @@ void bind_changes(nb::module_& m) {
         "log"_a.none());
   nb::class_<ChangedHandle>(m, "ChangedSystem")
       .def(nb::init<SolverHandle&>(), "solver"_a, nb::keep_alive<1, 2>())
-      .def("add", &ChangedHandle::add, array("columns"), "count"_a, array("rows"), array("corner"))
-      .def("add_low_rank", &ChangedHandle::add_low_rank, array("u"), "rank"_a, array("c"), array("v"))
+      .def("add", &ChangedHandle::add, array("begin"), array("places"), array("values"), array("row_begin"),
+           array("row_places"), array("row_values"), array("corner"))
+      .def("replace", &ChangedHandle::replace, array("unknowns"), array("begin"), array("places"), array("values"),
+           array("row_begin"), array("row_places"), array("row_values"))
+      .def("add_low_rank", &ChangedHandle::add_low_rank, array("begin"), array("places"), array("values"), array("c"),
+           array("v_begin"), array("v_places"), array("v_values"))
+      .def("flip", &ChangedHandle::flip, array("unknowns"))
+      .def("prepare", &ChangedHandle::prepare)
+      .def("fold", &ChangedHandle::fold)
+      .def("set_folding", &ChangedHandle::set_folding, "automatic"_a)
+      .def("cost", &ChangedHandle::cost)
       .def("remove", &ChangedHandle::remove, array("unknowns"))
       .def("restore", &ChangedHandle::restore, array("unknowns"))
       .def("solve", &ChangedHandle::solve, array("b"), "columns"_a)

@@ -2,7 +2,8 @@
 
 from . import _load  # first: it chooses the extension module
 from ._version import __version__
-from ._changes import Batch, BatchSolve, ChangedSystem, SchurComplement, solve_systems
+from ._changed import ChangeCost, ChangedSystem
+from ._changes import Batch, BatchSolve, SchurComplement, solve_systems
 from ._dae import Dae
 from ._errors import (AccuracyWarning, DeviceError, Error, InvalidInputError, NotPositiveDefiniteError,
                       OutOfMemoryError, SingularMatrixError)
@@ -21,7 +22,7 @@ from ._simulation import Simulation, Step, sweep
 from ._solver import Solver, solve
 from . import examples as examples
 
-__all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "Interface", "InvalidInputError", "InverseEntries", "Model", "ModelHarmonic",
+__all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangeCost", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "Interface", "InvalidInputError", "InverseEntries", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "ReducedBody", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "SolveRows", "Solver",
            "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "from_meshio", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
            "sweep"]

@@ -110,6 +110,70 @@ def test_changed_system(kind):
         changed.solve(b)
 
 
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_rows_that_come_and_go(kind, sparse):
+    """Every change, by arrays and by sparse matrices, before and after a factorization of the changed matrix."""
+    n = 50
+    a = system(n, kind, 7)
+    rng = np.random.default_rng(4)
+    as_given = (lambda m: sp.csc_array(m)) if sparse else (lambda m: m)
+    changed = esp.ChangedSystem(esp.Solver(sp.csc_array(a), kind=kind, threads=2), folding=False)
+    g, corner = rng.random((n, 2)) * (rng.random((n, 2)) < 0.2), np.array([[-1.0, 0.25], [0.25, -2.0]])
+    changed.add(as_given(g), corner=corner)
+    full = np.block([[a, g], [g.T, corner]])
+    column = np.zeros((n + 2, 1))
+    column[[3, 8, 20, n + 1], 0] = [30.0, 1.0, -2.0, 0.5]
+    changed.replace([3], as_given(column))
+    full[:, 3] = full[3, :] = column[:, 0]
+    u = np.zeros((n, 1))
+    u[[10, 11], 0] = 1
+    changed.add_low_rank(as_given(u), [[2.0]])
+    full[:n, :n] += 2 * u @ u.T
+    changed.flip([5, 9, n])
+    changed.flip([9, 12])
+    kept = np.setdiff1d(np.arange(n + 2), [5, 12, n])
+    b = rng.random((n + 2, 3))
+    truth = np.zeros_like(b)
+    truth[kept] = np.linalg.solve(full[np.ix_(kept, kept)], b[kept])
+    np.testing.assert_allclose(changed.solve(b), truth, atol=1e-9)
+    cost = changed.cost
+    assert cost.factorizations == 0 and cost.columns == 2 + 2 + 1 + 2 - 1 and 0 < cost.changes
+    changed.fold()
+    assert changed.cost.factorizations == 1 and changed.cost.columns == 0
+    np.testing.assert_allclose(changed.solve(b), truth, atol=1e-9)
+    changed.flip([5, n])
+    kept = np.setdiff1d(np.arange(n + 2), [12])
+    truth[kept] = np.linalg.solve(full[np.ix_(kept, kept)], b[kept])
+    truth[12] = 0
+    np.testing.assert_allclose(changed.solve(b), truth, atol=1e-9)
+    if kind != "lu":
+        assert changed.inertia.negative == (np.linalg.eigvalsh(full[np.ix_(kept, kept)]) < 0).sum()
+
+
+def test_changes_that_cannot_be():
+    changed = esp.ChangedSystem(esp.Solver(sp.csc_array(system(20, "llt", 1))))
+    with pytest.raises(esp.InvalidInputError, match="twice"):
+        changed.flip([3, 3])
+    with pytest.raises(esp.InvalidInputError, match="no unknown 20"):
+        changed.flip([20])
+    with pytest.raises(ValueError, match="at most 20 rows"):
+        changed.add(sp.csc_array(np.ones((21, 1))))
+    with pytest.raises(ValueError):
+        changed.replace([1, 2], np.ones((20, 1)))
+    with pytest.raises(ValueError):
+        changed.add(sp.csc_array(np.full((20, 1), np.nan)))
+    changed.remove([4])
+    with pytest.raises(esp.InvalidInputError, match="removed"):
+        changed.replace([4], np.ones((20, 1)))
+    changed.add(np.zeros(20))
+    for call in (changed.fold, changed.prepare, lambda: changed.solve(np.ones(21))):
+        with pytest.raises(esp.SingularMatrixError):
+            call()
+    changed.remove([20])
+    assert changed.solve(np.ones(21))[20] == 0
+
+
 @pytest.mark.parametrize("layout", ["csc", "csr"])
 @pytest.mark.parametrize("kind", ["llt", "lu"])
 def test_batch(kind, layout):

@@ -3,6 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <utility>
+
+#include "base/at.hpp"
 
 namespace espalier::changes {
 
@@ -11,75 +15,269 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
+constexpr Index kMostAtOnce = 32;  // columns of one substitution
+constexpr std::size_t kKept = 64;  // members that are not active, whose columns stay
+constexpr Index kRightSlot = 8, kCorrectionSlot = 9;
+
 double inverse_power_of_two(double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x)) : 1.0; }
 
-void erase_column(MatrixXd& m, Index k) {
-  const Eigen::Index right = m.cols() - k - 1;
-  m.middleCols(k, right) = m.rightCols(right).eval();
-  m.conservativeResize(m.rows(), m.cols() - 1);
+double product(const SparseVector& w, const double* y) {
+  double sum = 0;
+  for (std::size_t q = 0; q < w.size(); ++q) sum += w.value[q] * y[w.place[q]];
+  return sum;
 }
 
-void erase_both(MatrixXd& m, Index k) {
-  const Eigen::Index below = m.rows() - k - 1;
-  m.middleRows(k, below) = m.bottomRows(below).eval();
-  m.conservativeResize(m.rows() - 1, m.cols());
-  erase_column(m, k);
+/// W Y for rows W and vectors y of the base's memory.
+MatrixXd products_of(const Base& base, const std::vector<const SparseVector*>& rows, const double* y, Index columns) {
+  const Offset n = base.order();
+  MatrixXd made(static_cast<Eigen::Index>(rows.size()), columns);
+  std::vector<double> found;
+  if (!base.on_host()) {
+    std::vector<Offset> places;
+    for (Index c = 0; c < columns; ++c)
+      for (const SparseVector* w : rows)
+        for (const Index i : w->place) places.push_back(c * n + i);
+    found.resize(places.size());
+    base.space().gather(y, places, found.data());
+  }
+  const double* from = found.data();
+  for (Index c = 0; c < columns; ++c)
+    for (std::size_t k = 0; k < rows.size(); ++k) {
+      const SparseVector& w = *rows[k];
+      double& sum = made(static_cast<Eigen::Index>(k), c);
+      if (base.on_host()) {
+        sum = product(w, y + c * n);
+        continue;
+      }
+      sum = 0;
+      for (std::size_t q = 0; q < w.size(); ++q) sum += w.value[q] * *from++;
+    }
+  return made;
+}
+
+/// use(begin, end) for members whose columns stand one after another.
+template <class Use>
+void for_each_run(const std::vector<Border::Member>& members, const Use& use) {
+  for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
+    for (end = begin + 1; end < members.size() && members[end].block == members[begin].block &&
+                          members[end].place == members[end - 1].place + 1;)
+      ++end;
+    use(begin, end);
+  }
 }
 
 }  // namespace
 
-void Border::append(Sort sort, const MatrixXd& u, const MatrixXd& w, const MatrixXd& d, bool symmetric,
-                    const Solve& solve) {
-  const Eigen::Index before = count(), more = u.cols(), all = before + more;
-  MatrixXd z = u;
-  solve(z);
-  for (MatrixXd* m : {&u_, &w_, &z_}) m->conservativeResize(n_, all);
-  u_.rightCols(more) = u;
-  w_.rightCols(more) = w;
-  z_.rightCols(more) = z;
-  d_.conservativeResize(all, all);
-  d_.rightCols(more).setZero();
-  d_.bottomRows(more).setZero();
-  d_.bottomRightCorner(more, more) = d;
-  g_.conservativeResize(all, all);
-  g_.rightCols(more) = w_.transpose() * z;
-  g_.bottomLeftCorner(more, before) = w.transpose() * z_.leftCols(before);
-  sort_.insert(sort_.end(), static_cast<std::size_t>(more), sort);
-  active_.insert(active_.end(), static_cast<std::size_t>(more), true);
-  symmetric_.insert(symmetric_.end(), static_cast<std::size_t>(more), symmetric);
+// The column of an entity in the changed matrix, of the rows that the base has, and its row.
+Border::Member Border::make(const Base& base, Index entity) const {
+  Member m{entity, base.has(entity), {}, {}, true, nullptr, 0};
+  if (m.slack) {
+    m.column.push(entity, 1);
+    m.row.push(entity, 1);
+    return m;
+  }
+  const ChangedMatrix& a = *matrix_;
+  const auto take = [&](const SparseVector& from, SparseVector& to) {
+    for (std::size_t q = 0; q < from.size(); ++q)
+      if (base.has(from.place[q])) to.push(from.place[q], from.value[q]);
+  };
+  if (entity >= a.n()) {
+    take(a.item(entity).column, m.column);
+    take(a.item(entity).row, m.row);
+  } else {
+    original_->for_each_in_column(entity, [&](Index row, double v) {
+      if (base.has(row)) m.column.push(row, v);
+    });
+    original_->for_each_in_row(entity, [&](Index column, double v) {
+      if (base.has(column)) m.row.push(column, v);
+    });
+    m.column.sort();
+    m.row.sort();
+  }
+  for (Index later = std::max(a.n(), entity + 1); later < base.order(); ++later) {
+    if (!base.has(later)) continue;
+    if (const double v = a.item(later).row.at(entity); v != 0) m.column.push(later, v);
+    if (const double v = a.item(later).column.at(entity); v != 0) m.row.push(later, v);
+  }
+  return m;
 }
 
-void Border::erase(Index k) {
-  for (MatrixXd* m : {&u_, &w_, &z_}) erase_column(*m, k);
-  for (MatrixXd* m : {&d_, &g_}) erase_both(*m, k);
-  sort_.erase(sort_.begin() + k);
-  active_.erase(active_.begin() + k);
-  symmetric_.erase(symmetric_.begin() + k);
+namespace {
+
+// Columns of some members, one after another, by entries.
+void set_columns(Base& base, std::span<const Border::Member> some, double* to) {
+  std::vector<Offset> places;
+  std::vector<double> values;
+  for (std::size_t k = 0; k < some.size(); ++k) {
+    const SparseVector& u = some[k].column;
+    for (const Index i : u.place) places.push_back(static_cast<Offset>(k) * base.order() + i);
+    values.insert(values.end(), u.value.begin(), u.value.end());
+  }
+  base.space().scatter(places, values, to, static_cast<Index>(some.size()));
 }
 
-std::vector<Index> Border::numbers() const {
-  std::vector<Index> list;
-  for (Index k = 0; k < count(); ++k)
-    if (active(k)) list.push_back(k);
-  return list;
+}  // namespace
+
+// Blocks hold as many columns as go together; taken anew once nobody has one of them.
+std::pair<std::shared_ptr<double[]>, Index> Border::room_for(const Base& base, Index columns) {
+  for (Block& b : blocks_) {
+    if (b.columns.use_count() == 1) b.used = 0;
+    if (b.used + columns > kMostAtOnce) continue;
+    b.used += columns;
+    return {b.columns, b.used - columns};
+  }
+  blocks_.push_back({base.space().memory(kMostAtOnce), columns});
+  return {blocks_.back().columns, 0};
 }
 
-bool Border::symmetric() const {
-  return std::all_of(symmetric_.begin(), symmetric_.end(), [](bool s) { return s; });
+// Z of new members, together; refined where the factor alone is not as good as its numbers.
+void Border::make_columns(Base& base, std::vector<Member>& made) {
+  const device::ResidualSpace& space = base.space();
+  for (std::size_t first = 0; first < made.size(); first += kMostAtOnce) {
+    const std::size_t count = std::min<std::size_t>(kMostAtOnce, made.size() - first);
+    double* const b = base.vectors(kRightSlot, static_cast<Index>(count));
+    const auto [block, place] = room_for(base, static_cast<Index>(count));
+    double* const z = block.get() + Offset{place} * base.order();
+    set_columns(base, std::span(made).subspan(first, count), b);
+    base.substitute(b, z, static_cast<Index>(count));
+    if (!checked_) {
+      constexpr double kGood = 1e-14;
+      device::ResidualColumn one{b, z, base.vectors(kCorrectionSlot, 1), {}};
+      space.compute(std::span(&one, 1), false);
+      refines_ = !(one.error.normwise <= kGood);
+      checked_ = true;
+    }
+    for (std::size_t k = 0; k < count; ++k) {
+      made[first + k].block = block;
+      made[first + k].place = place + static_cast<Index>(k);
+    }
+  }
+  if (refines_) refine(base, made);
 }
 
+// Once, by residuals: rounding of Z would stay in S.
+void Border::refine(Base& base, std::vector<Member>& some) {
+  const Offset n = base.order();
+  for (std::size_t first = 0; first < some.size(); first += kMostAtOnce) {
+    const std::size_t count = std::min<std::size_t>(kMostAtOnce, some.size() - first);
+    double* const b = base.vectors(kRightSlot, static_cast<Index>(count));
+    double* const r = base.vectors(kCorrectionSlot, static_cast<Index>(count));
+    set_columns(base, std::span(some).subspan(first, count), b);
+    std::vector<device::ResidualColumn> list;
+    for (std::size_t k = 0; k < count; ++k) {
+      const Member& m = some[first + k];
+      const auto at_k = static_cast<Offset>(k) * n;
+      list.push_back({b + at_k, m.block.get() + m.place * n, r + at_k, {}});
+    }
+    base.space().compute(list, false);
+    base.substitute(r, r, static_cast<Index>(count));
+    for (std::size_t k = 0; k < count; ++k) {
+      Member& m = some[first + k];
+      if (!m.refined && std::isfinite(list[k].error.normwise))
+        (void)base.space().add(r + static_cast<Offset>(k) * n, m.block.get() + m.place * n);
+      m.refined = true;
+    }
+  }
+}
+
+// Most recent ones of those that wait.
+void Border::keep_few() {
+  std::size_t waiting = members_.size() - active_.size();
+  if (waiting <= kKept) return;
+  std::vector<Eigen::Index> left;
+  std::vector<Member> kept;
+  for (std::size_t k = 0; k < members_.size(); ++k) {
+    if (!members_[k].active && waiting > kKept) {
+      --waiting;
+      continue;
+    }
+    left.push_back(static_cast<Eigen::Index>(k));
+    kept.push_back(std::move(members_[k]));
+  }
+  products_ = products_(left, left).eval();
+  members_ = std::move(kept);
+}
+
+// New members with their products.
+void Border::take(const Base& base, std::vector<Member> made) {
+  const auto before = static_cast<Eigen::Index>(members_.size()), more = static_cast<Eigen::Index>(made.size());
+  std::vector<const SparseVector*> old_rows, new_rows;
+  for (const Member& m : members_) old_rows.push_back(&m.row);
+  for (const Member& m : made) new_rows.push_back(&m.row);
+  MatrixXd all(before + more, before + more);
+  all.topLeftCorner(before, before) = products_;
+  const auto fill = [&](const std::vector<Member>& of, Eigen::Index first, bool with_old) {
+    for_each_run(of, [&](std::size_t begin, std::size_t end) {
+      const double* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
+      const auto count = static_cast<Index>(end - begin);
+      const Eigen::Index column = first + static_cast<Eigen::Index>(begin);
+      if (with_old && before > 0) all.block(0, column, before, count) = products_of(base, old_rows, z, count);
+      all.block(before, column, more, count) = products_of(base, new_rows, z, count);
+    });
+  };
+  fill(members_, 0, false);
+  fill(made, before, true);
+  products_ = std::move(all);
+  members_.insert(members_.end(), std::make_move_iterator(made.begin()), std::make_move_iterator(made.end()));
+}
+
+std::vector<Index> Border::to_make(const std::set<Index>& wanted) const {
+  std::set<Index> missing = wanted;
+  for (const Member& m : members_) missing.erase(m.entity);
+  return {missing.begin(), missing.end()};
+}
+
+Index Border::update(Base& base, const std::set<Index>& wanted) {
+  std::vector<Member> made;
+  for (const Index e : to_make(wanted)) made.push_back(make(base, e));
+  make_columns(base, made);
+
+  const auto more = static_cast<Index>(made.size());
+  if (more > 0) take(base, std::move(made));
+  for (Member& m : members_) m.active = wanted.count(m.entity) > 0;
+  const auto list = [&] {
+    active_.clear();
+    for (std::size_t k = 0; k < members_.size(); ++k)
+      if (members_[k].active) active_.push_back(static_cast<Index>(k));
+  };
+  list();
+  keep_few();
+  list();
+  return more;
+}
+
+double Border::corner(std::size_t row, std::size_t column) const {
+  const Member &r = member(row), &c = member(column);
+  if (r.slack || c.slack) return 0;
+  if (r.entity < matrix_->n() && c.entity < matrix_->n()) return original_->entry(r.entity, c.entity);
+  return matrix_->coupling(r.entity, c.entity);
+}
+
+// What cancels to rounding is 0.
 MatrixXd Border::complement() const {
-  const std::vector<Index> list = numbers();
-  return d_(list, list) - g_(list, list);
+  constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
+  const std::vector<Eigen::Index> list(active_.begin(), active_.end());
+  MatrixXd s = -products_(list, list);
+  for (std::size_t r = 0; r < list.size(); ++r)
+    for (std::size_t c = 0; c < list.size(); ++c) {
+      double& entry = s(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+      const double d = corner(r, c), terms = std::abs(d) + std::abs(entry);
+      entry += d;
+      if (std::abs(entry) <= kRounding * terms) entry = 0;
+    }
+  return s;
 }
 
 // Singular: a condition, rows and columns scaled to 1, at which rounding may leave no digit.
-bool Border::factorize() {
+bool Border::factorize_once() {
   MatrixXd s = complement();
   const Eigen::Index k = s.rows();
+  smallest_ = 1;
   if (k == 0) return true;
+  smallest_ = 0;
   if (!s.allFinite()) return false;
-  row_ = s.cwiseAbs().rowwise().maxCoeff().unaryExpr(&inverse_power_of_two);
+  const VectorXd before = s.cwiseAbs().rowwise().maxCoeff();
+  row_ = before.unaryExpr(&inverse_power_of_two);
   s = row_.asDiagonal() * s;
   col_ = s.cwiseAbs().colwise().maxCoeff().transpose().unaryExpr(&inverse_power_of_two);
   s = s * col_.asDiagonal();
@@ -87,16 +285,51 @@ bool Border::factorize() {
   // Where a pivot is zero, Eigen's estimate of the condition may come out finite.
   if (!factor_.matrixLU().allFinite() || (factor_.matrixLU().diagonal().array() == 0).any()) return false;
   const double least = 4 * static_cast<double>(k) * std::numeric_limits<double>::epsilon();
-  return factor_.rcond() > least;
+  const std::vector<Eigen::Index> list(active_.begin(), active_.end());
+  const VectorXd terms = products_(list, list).cwiseAbs().rowwise().maxCoeff();
+  smallest_ = factor_.rcond();
+  if (!(smallest_ > least)) return false;
+  for (Eigen::Index r = 0; r < k; ++r)
+    if (terms[r] > 0) smallest_ = std::min(smallest_, before[r] / terms[r]);
+  return true;
+}
+
+bool Border::factorize(Base& base) {
+  constexpr double kSuspicious = 1e-8;
+  const bool regular = factorize_once();
+  const auto trusted = [](const Member& m) { return m.refined; };
+  if ((regular && smallest_ > kSuspicious) || std::all_of(members_.begin(), members_.end(), trusted)) return regular;
+  refine(base, members_);
+  std::vector<Member> all = std::move(members_);
+  members_.clear();
+  products_.resize(0, 0);
+  take(base, std::move(all));
+  return factorize_once();
 }
 
 MatrixXd Border::solve(const MatrixXd& right) const {
-  const std::vector<Index> list = numbers();
-  MatrixXd t = MatrixXd::Zero(right.rows(), right.cols());
-  if (list.empty()) return t;
-  const MatrixXd scaled = row_.asDiagonal() * right(list, Eigen::all);
-  t(list, Eigen::all) = col_.asDiagonal() * factor_.solve(scaled);
-  return t;
+  if (active_.empty()) return right;
+  const MatrixXd scaled = row_.asDiagonal() * right;
+  return col_.asDiagonal() * factor_.solve(scaled);
+}
+
+MatrixXd Border::rows_times(const Base& base, const double* y, Index columns) const {
+  std::vector<const SparseVector*> rows;
+  for (std::size_t k = 0; k < active_.size(); ++k) rows.push_back(&member(k).row);
+  return products_of(base, rows, y, columns);
+}
+
+void Border::subtract(const Base& base, const MatrixXd& t, double* y) const {
+  std::vector<Eigen::Index> number(members_.size(), -1);
+  for (std::size_t k = 0; k < active_.size(); ++k) number[at(active_[k])] = static_cast<Eigen::Index>(k);
+  std::vector<double> factors;
+  for (Eigen::Index c = 0; c < t.cols(); ++c, y += base.order())
+    for_each_run(members_, [&](std::size_t begin, std::size_t end) {
+      factors.assign(end - begin, 0.0);
+      for (std::size_t k = begin; k < end; ++k)
+        if (number[k] >= 0) factors[k - begin] = -t(number[k], c);
+      base.space().add_columns(members_[begin].block.get() + Offset{members_[begin].place} * base.order(), factors, y);
+    });
 }
 
 }  // namespace espalier::changes

@@ -3,58 +3,85 @@
 #pragma once
 
 #include <Eigen/Dense>
-#include <functional>
+#include <memory>
+#include <set>
+#include <utility>
 #include <vector>
 
-#include "espalier/types.hpp"
+#include "changes/base.hpp"
+#include "changes/changed_matrix.hpp"
 
 namespace espalier::changes {
 
-/// Why a row and a column are there.
-enum class Sort { added, removed, low_rank };
-
-/// U, W and D of all changes, with what the factor makes of U.
+/// Rows and columns of entities that the factor of the base does not hold, and unit vectors for those that it holds
+/// and that are not alive: U and W, with Z = A^-1 U, which lies where the factor is.
 class Border {
  public:
-  /// X := A^-1 X in place, n values a column.
-  using Solve = std::function<void(Eigen::MatrixXd& x)>;
+  /// @param original  with the entries of A
+  Border(const ChangedMatrix& matrix, const Base& original) : matrix_(&matrix), original_(&original) {}
 
-  explicit Border(Index n) : n_(n) {}
+  /// Brings the list up to date; new columns go through the factor together. @returns how many they were
+  /// @param wanted  entities that must be here: those that the base has and that are not alive, and the other way round
+  /// @post where it throws, the list is as it was
+  Index update(Base& base, const std::set<Index>& wanted);
+  /// How many columns update() would make.
+  [[nodiscard]] Index missing(const std::set<Index>& wanted) const {
+    return static_cast<Index>(to_make(wanted).size());
+  }
+  /// Forgets all columns.
+  void clear() { *this = Border(*matrix_, *original_); }
 
-  /// Appends columns of U (n x k), rows of W (k x n, given as n x k), and their block of D.
-  /// @param symmetric  W = U^T and D = D^T; of low rank: it comes from a symmetric change
-  void append(Sort sort, const Eigen::MatrixXd& u, const Eigen::MatrixXd& w, const Eigen::MatrixXd& d, bool symmetric,
-              const Solve& solve);
-  /// Change k of the list goes or comes back; its columns are kept.
-  void set_active(Index k, bool active) { active_[static_cast<std::size_t>(k)] = active; }
-  [[nodiscard]] bool active(Index k) const { return active_[static_cast<std::size_t>(k)]; }
-  [[nodiscard]] Sort sort(Index k) const { return sort_[static_cast<std::size_t>(k)]; }
-  /// Takes change k off the list.
-  void erase(Index k);
-  [[nodiscard]] Index count() const { return static_cast<Index>(sort_.size()); }
-  [[nodiscard]] Index active_count() const { return static_cast<Index>(numbers().size()); }
-
-  /// Factorizes S of the active changes. @returns false where it is singular to rounding
-  [[nodiscard]] bool factorize();
-  /// t of the active changes for right-hand sides d - W A^-1 b, by rows of all changes; zero for others.
-  [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
-
-  [[nodiscard]] const Eigen::MatrixXd& u() const { return u_; }
-  [[nodiscard]] const Eigen::MatrixXd& w() const { return w_; }
-  [[nodiscard]] const Eigen::MatrixXd& d() const { return d_; }
-  [[nodiscard]] const Eigen::MatrixXd& response() const { return z_; }
-  [[nodiscard]] bool symmetric() const;
-  /// S of the active changes.
+  struct Member {
+    Index entity;
+    bool slack;  ///< U and W are its unit vector, D is 0: its unknown becomes 0, and t takes up what is left of its row
+    SparseVector column, row;  ///< U and W of the entities that the base has
+    bool active;
+    std::shared_ptr<double[]> block;  ///< of A^-1 U, several columns
+    Index place;                      ///< in the block
+    bool refined = false;
+  };
+  [[nodiscard]] const std::vector<Member>& members() const { return members_; }
+  /// Numbers of active members, ascending: the order of all below.
+  [[nodiscard]] const std::vector<Index>& active() const { return active_; }
+  [[nodiscard]] const Member& member(std::size_t k) const { return members_[static_cast<std::size_t>(active_[k])]; }
+  /// D, by active members.
+  [[nodiscard]] double corner(std::size_t row, std::size_t column) const;
+  /// S = D - W A^-1 U.
   [[nodiscard]] Eigen::MatrixXd complement() const;
-  /// Numbers of the active changes.
-  [[nodiscard]] std::vector<Index> numbers() const;
+
+  /// Factorizes S. Where it is near to singular, columns that were not refined are first, so that what is left of S can
+  /// be trusted. @returns false where S is singular to rounding
+  [[nodiscard]] bool factorize(Base& base);
+  /// S T = R. @pre factorize()
+  [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
+  /// W Y for vectors of the base's memory: active members by columns.
+  [[nodiscard]] Eigen::MatrixXd rows_times(const Base& base, const double* y, Index columns) const;
+  /// y -= Z t there.
+  void subtract(const Base& base, const Eigen::MatrixXd& t, double* y) const;
 
  private:
-  Index n_;
-  Eigen::MatrixXd u_, w_, z_;  // n x count: U, W^T, A^-1 U
-  Eigen::MatrixXd d_, g_;      // count x count: D, W A^-1 U
-  std::vector<Sort> sort_;
-  std::vector<bool> active_, symmetric_;
+  [[nodiscard]] std::vector<Index> to_make(const std::set<Index>& wanted) const;
+  [[nodiscard]] std::pair<std::shared_ptr<double[]>, Index> room_for(const Base& base, Index columns);
+  void make_columns(Base& base, std::vector<Member>& made);
+  [[nodiscard]] Member make(const Base& base, Index entity) const;
+  [[nodiscard]] bool factorize_once();
+  void refine(Base& base, std::vector<Member>& some);
+  void take(const Base& base, std::vector<Member> made);
+  void keep_few();
+
+  const ChangedMatrix* matrix_;
+  const Base* original_;
+  std::vector<Member> members_;  // some may wait for their entity to leave again
+  std::vector<Index> active_;
+  struct Block {
+    std::shared_ptr<double[]> columns;
+    Index used;
+  };
+  std::vector<Block> blocks_;  // of members, and free ones
+  Eigen::MatrixXd products_;   // W A^-1 U of all members
+  bool checked_ = false;       // whether columns need refinement is known
+  bool refines_ = false;       // all of them
+  double smallest_ = 1;        // how near to singular S was when it was factorized
   Eigen::VectorXd row_, col_;  // powers of two that bring the rows and columns of S to about 1
   Eigen::PartialPivLU<Eigen::MatrixXd> factor_;
 };

@@ -6,13 +6,12 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <stdexcept>
 #include <utility>
 
+#include "base/at.hpp"
 #include "base/stopwatch.hpp"
-#include "changes/border.hpp"
-#include "solver/condition.hpp"
+#include "changes/system.hpp"
 #include "solver/solver_impl.hpp"
 #include "solver/status_of.hpp"
 
@@ -20,16 +19,12 @@ namespace espalier {
 
 namespace {
 
-using changes::Border;
-using changes::Sort;
+using changes::Item;
+using changes::SparseVector;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-using ConstMap = Eigen::Map<const MatrixXd>;
-
-std::size_t area(Index rows, Index columns) {
-  return static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns);
-}
+std::size_t area(Index rows, Index columns) { return at(rows) * at(columns); }
 
 void check_size(const char* call, const char* name, std::size_t have, std::size_t need, bool may_be_empty) {
   if (have == need || (may_be_empty && have == 0)) return;
@@ -43,28 +38,67 @@ void check_finite(std::span<const double> values, const char* name) {
       throw Error(StatusCode::invalid_input, fmt::format("value {} of {} is {}", k, name, values[k]));
 }
 
+/// Columns of n values each, without their zeros.
+std::vector<SparseVector> columns_of(std::span<const double> values, Index n, const char* name) {
+  std::vector<SparseVector> list(n == 0 ? 0 : values.size() / at(n));
+  for (std::size_t c = 0; c < list.size(); ++c)
+    for (Index i = 0; i < n; ++i) {
+      const double v = values[c * at(n) + at(i)];
+      if (!std::isfinite(v))
+        throw Error(StatusCode::invalid_input, fmt::format("row {} of column {} of {} is {}", i, c, name, v), i);
+      if (v != 0) list[c].push(i, v);
+    }
+  return list;
+}
+
+Index count_of(const SparseColumns& columns) {
+  return columns.col_ptr.empty() ? 0 : static_cast<Index>(columns.col_ptr.size()) - 1;
+}
+
+/// @param most  rows run from 0 to most - 1
+std::vector<SparseVector> columns_of(const SparseColumns& from, Index most, const char* name) {
+  if (from.row_ind.size() != from.values.size())
+    throw std::invalid_argument(
+        fmt::format("ChangedSystem: {} have {} rows for {} values", name, from.row_ind.size(), from.values.size()));
+  const auto wrong = [&](const std::string& what, Index row) {
+    throw Error(StatusCode::invalid_input, fmt::format("{}: {}", name, what), row);
+  };
+  const Index count = count_of(from);
+  bool ascending = count == 0 || (from.col_ptr.front() == 0 && at(from.col_ptr.back()) == from.values.size());
+  for (Index c = 0; c < count; ++c) ascending = ascending && from.col_ptr[at(c)] <= from.col_ptr[at(c) + 1];
+  if (!ascending) wrong("the columns do not begin one after another, from 0 to the last entry", -1);
+  std::vector<SparseVector> list(at(count));
+  for (Index c = 0; c < count; ++c) {
+    for (Offset q = from.col_ptr[at(c)]; q < from.col_ptr[at(c) + 1]; ++q) {
+      const Index row = from.row_ind[at(q)];
+      if (row < 0 || row >= most)
+        wrong(fmt::format("entry {} of column {} stands in row {}, of {}", q, c, row, most), row);
+      if (!std::isfinite(from.values[at(q)]))
+        wrong(fmt::format("entry {}, in row {} of column {}, is {}", q, row, c, from.values[at(q)]), row);
+      list[at(c)].push(row, from.values[at(q)]);
+    }
+    list[at(c)].sort();
+  }
+  return list;
+}
+
 }  // namespace
 
 struct ChangedSystem::Impl {
-  explicit Impl(Solver& the_solver) : solver(the_solver) { reset(); }
+  explicit Impl(Solver& the_solver) : solver(&the_solver) { reset(); }
 
   void reset() {
-    if (solver.state() != Solver::State::factorized)
+    if (solver->state() != Solver::State::factorized)
       throw std::logic_error("ChangedSystem: the solver has no factorization");
-    solver::Session& s = session();
-    if (s.link() != nullptr)
+    if (session().link() != nullptr)
       throw std::logic_error("ChangedSystem: several ranks share the solver; it works on a solver of one process");
-    n = s.current().n();
-    stamp = s.factor->stamp();
-    symmetric = s.current().kind() != Kind::lu;
-    inertia = s.factor->result().inertia;
-    border.emplace(n);
-    added.clear();
-    removed.assign(static_cast<std::size_t>(n), 0);
-    stale = true;
+    system.reset();  // its memory first
+    system = std::make_unique<changes::System>(*solver);
+    system->set_folding(folds);
+    stamp = session().factor->stamp();
   }
 
-  [[nodiscard]] solver::Session& session() const { return solver::SolverAccess::session(solver); }
+  [[nodiscard]] solver::Session& session() const { return solver::SolverAccess::session(*solver); }
   void expect_factor(const char* call) const {
     const solver::Session& s = session();
     if (!s.factor || !s.factor->factorized() || s.factor->stamp() != stamp)
@@ -79,205 +113,138 @@ struct ChangedSystem::Impl {
     });
   }
 
-  [[nodiscard]] Index size() const { return n + static_cast<Index>(added.size()); }
-  // Once refined: rounding of A^-1 U would stay in S.
-  void apply_inverse(MatrixXd& x) const {
-    if (x.cols() == 0) return;
-    const MatrixXd b = x;
-    const solve::ResidualOperator& a = session().factor->residual();
-    solver::Numeric& numeric = session().factor->numeric();
-    const auto columns = static_cast<Index>(x.cols());
-    numeric.solve(b.data(), x.data(), columns, false);
-    MatrixXd r(b.rows(), b.cols());
-    std::vector<solve::ResidualColumn> list;
-    for (Eigen::Index c = 0; c < b.cols(); ++c) list.push_back({b.col(c).data(), x.col(c).data(), r.col(c).data(), {}});
-    a.compute(list, false);
-    numeric.solve(r.data(), r.data(), columns, false);
-    if (r.allFinite()) x += r;
+  [[nodiscard]] const changes::ChangedMatrix& matrix() const { return system->matrix(); }
+  /// By entities, where unknowns of earlier ones are meant.
+  [[nodiscard]] SparseVector over_entities(const SparseVector& from) const {
+    SparseVector to;
+    for (std::size_t q = 0; q < from.size(); ++q) to.push(matrix().entity_of(from.place[q]), from.value[q]);
+    to.sort();
+    return to;
   }
-  void append(Sort sort, const MatrixXd& u, const MatrixXd& w, const MatrixXd& d, bool is_symmetric) {
-    border->append(sort, u, w, d, is_symmetric, [this](MatrixXd& x) { apply_inverse(x); });
-    stale = true;
+  void check_known(Index unknown) const {
+    if (unknown < 0 || unknown >= matrix().unknowns())
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("there is no unknown {}; they run from 0 to {}", unknown, matrix().unknowns() - 1),
+                  unknown);
   }
-
-  // The change by which an unknown of A is removed. @pre there is one
-  [[nodiscard]] Index remover_of(Index unknown) const {
-    Index k = 0;
-    while (border->sort(k) != Sort::removed || border->u()(unknown, k) != 1) ++k;
-    return k;
-  }
-  void check_list(std::span<const Index> unknowns, bool expected) const {
+  [[nodiscard]] bool is_removed(Index unknown) const { return !matrix().alive(matrix().entity_of(unknown)); }
+  void check_list(std::span<const Index> unknowns) const {
     std::vector<Index> sorted(unknowns.begin(), unknowns.end());
     std::sort(sorted.begin(), sorted.end());
+    for (const Index v : sorted) check_known(v);
     const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
     if (twice != sorted.end())
       throw Error(StatusCode::invalid_input, fmt::format("unknown {} stands twice in the list", *twice), *twice);
-    for (const Index v : unknowns) {
-      if (v < 0 || v >= size())
-        throw Error(StatusCode::invalid_input,
-                    fmt::format("there is no unknown {}; they run from 0 to {}", v, size() - 1), v);
-      if ((removed[static_cast<std::size_t>(v)] != 0) != expected)
+  }
+  void check_list(std::span<const Index> unknowns, bool expected) const {
+    check_list(unknowns);
+    for (const Index v : unknowns)
+      if (is_removed(v) != expected)
         throw Error(StatusCode::invalid_input,
                     fmt::format("unknown {} is {}", v, expected ? "not removed" : "removed already"), v);
-    }
+  }
+  void set_alive(std::span<const Index> unknowns, bool alive) {
+    for (const Index v : unknowns) system->changing().set_alive(v, alive);
   }
 
-  void remove(std::span<const Index> unknowns);
-  void restore(std::span<const Index> unknowns);
-  /// y += sign times what the changes make of x; both of size().
-  void add_changes(const VectorXd& x, double sign, bool transpose, VectorXd& y) const;
-  void drop_removed(VectorXd& x) const {
-    for (Eigen::Index v = 0; v < x.size(); ++v)
-      if (removed[static_cast<std::size_t>(v)] != 0) x[v] = 0;
-  }
-  /// The changed matrix, whose removed rows and columns are zero.
-  [[nodiscard]] VectorXd multiply(VectorXd x, bool transpose) const;
-  [[nodiscard]] VectorXd residual(const VectorXd& b, const VectorXd& x) const;
-  /// Without refinement.
-  [[nodiscard]] VectorXd substitute(const VectorXd& b) const;
-  void prepare();
-  void solve_column(const double* b, double* x, SolveResult& result) const;
+  void add(const std::vector<SparseVector>& columns, const std::vector<SparseVector>& rows,
+           std::span<const double> corner);
+  void replace(std::span<const Index> unknowns, std::vector<SparseVector> columns, std::vector<SparseVector> rows);
+  void add_low_rank(const std::vector<SparseVector>& u, std::span<const double> c, const std::vector<SparseVector>& v);
 
-  Solver& solver;
-  Index n = 0;
+  Solver* solver;
+  std::unique_ptr<changes::System> system;
   std::uint64_t stamp = 0;
-  bool symmetric = false;
-  Inertia inertia;
-  std::optional<Border> border;
-  std::vector<Index> added;   // changes of the unknowns n, n + 1, ...
-  std::vector<char> removed;  // by unknown
-  double norm = 0;            // |changed matrix|_inf, a lower bound
-  bool stale = true;          // the changes have changed since prepare()
+  bool folds = true;
 };
 
-void ChangedSystem::Impl::remove(std::span<const Index> unknowns) {
-  check_list(unknowns, false);
-  std::vector<Index> own;
-  for (const Index v : unknowns)
-    if (v < n) own.push_back(v);
-  MatrixXd e = MatrixXd::Zero(n, static_cast<Eigen::Index>(own.size()));
-  for (std::size_t k = 0; k < own.size(); ++k) e(own[k], static_cast<Eigen::Index>(k)) = 1;
-  if (!own.empty()) append(Sort::removed, e, e, MatrixXd::Zero(e.cols(), e.cols()), true);
-  for (const Index v : unknowns) {
-    removed[static_cast<std::size_t>(v)] = 1;
-    if (v >= n) border->set_active(added[static_cast<std::size_t>(v - n)], false);
-  }
-  stale = true;
-}
-
-void ChangedSystem::Impl::restore(std::span<const Index> unknowns) {
-  check_list(unknowns, true);
-  for (const Index v : unknowns) {
-    removed[static_cast<std::size_t>(v)] = 0;
-    if (v >= n) {
-      border->set_active(added[static_cast<std::size_t>(v - n)], true);
-      continue;
+// Of the corner, what stands between two new ones belongs to the later one.
+void ChangedSystem::Impl::add(const std::vector<SparseVector>& columns, const std::vector<SparseVector>& rows,
+                              std::span<const double> corner) {
+  const std::size_t count = columns.size();
+  const Index first = matrix().entities();
+  std::vector<Item> items;
+  for (std::size_t k = 0; k < count; ++k) {
+    Item item;
+    item.column = over_entities(columns[k]);
+    item.row = rows.empty() ? item.column : over_entities(rows[k]);
+    for (std::size_t i = 0; i < k && !corner.empty(); ++i) {
+      const Index earlier = first + static_cast<Index>(i);
+      if (const double v = corner[k * count + i]; v != 0) item.column.push(earlier, v);
+      if (const double v = corner[i * count + k]; v != 0) item.row.push(earlier, v);
     }
-    const Index k = remover_of(v);
-    border->erase(k);
-    for (Index& a : added)
-      if (a > k) --a;
+    if (!corner.empty()) item.corner = corner[k * count + k];
+    items.push_back(std::move(item));
   }
-  stale = true;
+  for (Item& item : items) system->changing().add(std::move(item));
 }
 
-void ChangedSystem::Impl::add_changes(const VectorXd& x, double sign, bool transpose, VectorXd& y) const {
-  const Border& c = *border;
-  const MatrixXd &left = transpose ? c.w() : c.u(), &right = transpose ? c.u() : c.w();
-  auto top = y.head(n);
-  for (Index k = 0; k < c.count(); ++k)  // U C V^T: U (W x); of the transpose, W^T (U^T x)
-    if (c.sort(k) == Sort::low_rank) top += (sign * right.col(k).dot(x.head(n))) * left.col(k);
-  for (std::size_t j = 0; j < added.size(); ++j) {
-    const Index k = added[j];
-    const Eigen::Index me = n + static_cast<Eigen::Index>(j);
-    if (!c.active(k)) continue;
-    top += (sign * x[me]) * left.col(k);
-    double sum = right.col(k).dot(x.head(n));
-    for (std::size_t i = 0; i < added.size(); ++i)
-      sum += (transpose ? c.d()(added[i], k) : c.d()(k, added[i])) * x[n + static_cast<Eigen::Index>(i)];
-    y[me] += sign * sum;
+// Unknowns of the list that come later say what stands between two of it; entities of those are known one by one.
+void ChangedSystem::Impl::replace(std::span<const Index> unknowns, std::vector<SparseVector> columns,
+                                  std::vector<SparseVector> rows) {
+  const bool same = rows.empty();
+  for (std::size_t k = 0; k < unknowns.size(); ++k) {
+    const auto own = [&](SparseVector& from) {
+      double found = 0;
+      SparseVector others;
+      for (std::size_t q = 0; q < from.size(); ++q) {
+        const Index place = from.place[q];
+        if (place == unknowns[k]) found = from.value[q];
+        const auto later = std::find(unknowns.begin() + static_cast<std::ptrdiff_t>(k) + 1, unknowns.end(), place);
+        if (place != unknowns[k] && later == unknowns.end()) others.push(place, from.value[q]);
+      }
+      from = std::move(others);
+      return found;
+    };
+    Item item;
+    item.corner = own(columns[k]);
+    item.column = over_entities(columns[k]);
+    if (!same) (void)own(rows[k]);
+    item.row = same ? item.column : over_entities(rows[k]);
+    system->changing().replace(unknowns[k], std::move(item));
   }
 }
 
-VectorXd ChangedSystem::Impl::multiply(VectorXd x, bool transpose) const {
-  drop_removed(x);
-  VectorXd y = VectorXd::Zero(size());
-  session().factor->residual().multiply(x.data(), y.data(), transpose);
-  add_changes(x, 1, transpose, y);
-  drop_removed(y);
-  return y;
-}
-
-VectorXd ChangedSystem::Impl::residual(const VectorXd& b, const VectorXd& x) const {
-  VectorXd r = b;
-  (void)session().factor->residual().compute(b.data(), x.data(), r.data(), false);
-  add_changes(x, -1, false, r);
-  drop_removed(r);
-  return r;
-}
-
-VectorXd ChangedSystem::Impl::substitute(const VectorXd& b) const {
-  VectorXd y(n);
-  session().factor->numeric().solve(b.data(), y.data(), 1, false);
-  VectorXd right = -(border->w().transpose() * y);
-  for (std::size_t j = 0; j < added.size(); ++j) right[added[j]] += b[n + static_cast<Eigen::Index>(j)];
-  const VectorXd t = border->solve(right);
-  VectorXd x(size());
-  x.head(n) = y - border->response() * t;
-  for (std::size_t j = 0; j < added.size(); ++j) x[n + static_cast<Eigen::Index>(j)] = t[added[j]];
-  drop_removed(x);
-  return x;
-}
-
-// @throws Error(singular)
-void ChangedSystem::Impl::prepare() {
-  if (!stale) return;
-  if (!border->factorize())
-    throw Error(
-        StatusCode::singular,
-        fmt::format("the changed matrix is singular: so are the {} rows of its changes, condensed; constraints that "
-                    "depend on others must go",
-                    border->active_count()));
-  // |M|_inf = |M^T|_1
-  norm =
-      solver::estimate_inverse_norm<double>(size(), [this](const double* x, double* y, Index columns, bool transpose) {
-        for (const double* end = x + Offset{columns} * size(); x != end; x += size(), y += size())
-          Eigen::Map<VectorXd>(y, size()) = multiply(Eigen::Map<const VectorXd>(x, size()), !transpose);
-      });
-  stale = false;
-}
-
-void ChangedSystem::Impl::solve_column(const double* given, double* to, SolveResult& result) const {
-  const Options& o = session().options;
-  VectorXd b = Eigen::Map<const VectorXd>(given, size());
-  drop_removed(b);
-  for (Eigen::Index i = 0; i < b.size(); ++i)
-    if (!std::isfinite(b[i]))
-      throw Error(StatusCode::invalid_input, fmt::format("row {} of a right-hand side is {}", i, b[i]),
-                  static_cast<Index>(i));
-  const auto largest = [](const VectorXd& v) { return v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff(); };
-  VectorXd x = substitute(b), r = residual(b, x);
-  const auto error_of = [&](const VectorXd& of_r, const VectorXd& of_x) {
-    const double scale = norm * largest(of_x) + largest(b), size_of_r = largest(of_r);
-    if (!of_r.allFinite()) return std::numeric_limits<double>::infinity();
-    return size_of_r == 0 ? 0.0 : size_of_r / scale;
+void ChangedSystem::Impl::add_low_rank(const std::vector<SparseVector>& u, std::span<const double> c,
+                                       const std::vector<SparseVector>& v) {
+  const auto rank = static_cast<Eigen::Index>(u.size());
+  const MatrixXd core =
+      c.empty() ? MatrixXd(MatrixXd::Identity(rank, rank)) : MatrixXd(Eigen::Map<const MatrixXd>(c.data(), rank, rank));
+  const auto combined = [&](const std::vector<SparseVector>& of, const VectorXd& factors) {
+    SparseVector sum;
+    for (std::size_t k = 0; k < of.size(); ++k)
+      for (std::size_t q = 0; q < of[k].size(); ++q)
+        if (const double x = factors[static_cast<Eigen::Index>(k)] * of[k].value[q]; x != 0)
+          sum.push(of[k].place[q], x);
+    sum.sort();
+    return sum;
   };
-  double error = error_of(r, x);
-  int steps = 0;
-  for (; steps < o.refinement_steps && error > o.refinement_target && std::isfinite(error); ++steps) {
-    const VectorXd better = x + substitute(r);
-    const VectorXd left = residual(b, better);
-    const double now = error_of(left, better);
-    if (!(now < error)) break;
-    const bool slow = now > error / 2;
-    x = better;
-    r = left;
-    error = now;
-    if (slow) break;
+  const std::vector<SparseVector>& right = v.empty() ? u : v;
+  std::vector<Item> items;
+  if (right == u && core == core.transpose()) {  // one row and column for each eigenvalue, which the inertia needs
+    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(core);
+    for (Eigen::Index k = 0; k < rank; ++k) {
+      Item item;
+      item.corner = -1 / eigen.eigenvalues()[k];
+      if (!std::isfinite(item.corner)) continue;  // nothing changes
+      item.column = item.row = over_entities(combined(u, eigen.eigenvectors().col(k)));
+      item.auxiliary = true;
+      items.push_back(std::move(item));
+    }
+  } else {
+    for (Eigen::Index k = 0; k < rank; ++k) {
+      Item item;
+      item.column = over_entities(u[static_cast<std::size_t>(k)]);
+      item.row = over_entities(combined(right, core.row(k).transpose()));
+      item.corner = -1;
+      item.auxiliary = true;
+      items.push_back(std::move(item));
+    }
   }
-  Eigen::Map<VectorXd>(to, size()) = x;
-  result.refinement_steps = std::max(result.refinement_steps, steps);
-  result.backward_error = std::max(result.backward_error, error);
+  for (const Item& item : items)
+    if (item.corner == 0)
+      throw Error(StatusCode::invalid_input, "C has an eigenvalue above the largest number; scale U and C");
+  for (Item& item : items) system->changing().add_auxiliary(std::move(item));
 }
 
 ChangedSystem::ChangedSystem(Solver& solver) : impl_(std::make_unique<Impl>(solver)) {}
@@ -286,131 +253,156 @@ ChangedSystem::ChangedSystem(ChangedSystem&&) noexcept = default;
 ChangedSystem& ChangedSystem::operator=(ChangedSystem&&) noexcept = default;
 
 void ChangedSystem::reset() { impl_->reset(); }
-Index ChangedSystem::size() const { return impl_->size(); }
-Index ChangedSystem::changes() const { return impl_->border->active_count(); }
+Index ChangedSystem::size() const { return impl_->matrix().unknowns(); }
+Index ChangedSystem::changes() const { return impl_->system->changes(); }
+ChangeCost ChangedSystem::cost() const { return impl_->system->cost(); }
+bool ChangedSystem::removed(Index unknown) const {
+  if (unknown < 0 || unknown >= size())
+    throw std::out_of_range(fmt::format("ChangedSystem::removed: there is no unknown {}, of {}", unknown, size()));
+  return impl_->is_removed(unknown);
+}
+void ChangedSystem::set_folding(bool automatic) {
+  impl_->folds = automatic;
+  impl_->system->set_folding(automatic);
+}
 
 Status ChangedSystem::add(std::span<const double> columns, Index count, std::span<const double> rows,
                           std::span<const double> corner) {
   Impl& m = *impl_;
+  const Index n = m.matrix().n();
   m.expect_factor("add");
   if (count < 1) throw std::invalid_argument(fmt::format("ChangedSystem::add: {} unknowns", count));
-  check_size("add", "columns", columns.size(), area(m.n, count), false);
-  check_size("add", "rows", rows.size(), area(m.n, count), true);
+  check_size("add", "columns", columns.size(), area(n, count), false);
+  check_size("add", "rows", rows.size(), area(n, count), true);
   check_size("add", "corner", corner.size(), area(count, count), true);
   return m.guarded([&] {
-    check_finite(columns, "the columns");
-    check_finite(rows, "the rows");
     check_finite(corner, "the corner");
-    const MatrixXd u = ConstMap(columns.data(), m.n, count);
-    const MatrixXd w = rows.empty() ? u : MatrixXd(ConstMap(rows.data(), m.n, count));
-    MatrixXd d = MatrixXd::Zero(count, count);
-    if (!corner.empty()) d = ConstMap(corner.data(), count, count);
-    const Index first = m.border->count();
-    m.append(Sort::added, u, w, d, u == w && d == d.transpose());
-    for (Index k = 0; k < count; ++k) m.added.push_back(first + k);
-    m.removed.resize(m.removed.size() + static_cast<std::size_t>(count), 0);
+    m.add(columns_of(columns, n, "the columns"), columns_of(rows, n, "the rows"), corner);
+  });
+}
+
+Status ChangedSystem::add(const SparseColumns& columns, const SparseColumns& rows, std::span<const double> corner) {
+  Impl& m = *impl_;
+  m.expect_factor("add");
+  const Index count = count_of(columns);
+  if (count < 1) throw std::invalid_argument("ChangedSystem::add: 0 unknowns");
+  check_size("add", "rows", at(count_of(rows)), at(count), true);
+  check_size("add", "corner", corner.size(), area(count, count), true);
+  return m.guarded([&] {
+    check_finite(corner, "the corner");
+    const Index most = m.matrix().unknowns();
+    m.add(columns_of(columns, most, "the columns"), columns_of(rows, most, "the rows"), corner);
+  });
+}
+
+Status ChangedSystem::replace(std::span<const Index> unknowns, const SparseColumns& columns,
+                              const SparseColumns& rows) {
+  Impl& m = *impl_;
+  m.expect_factor("replace");
+  check_size("replace", "columns", at(count_of(columns)), unknowns.size(), false);
+  check_size("replace", "rows", at(count_of(rows)), unknowns.size(), true);
+  return m.guarded([&] {
+    m.check_list(unknowns, false);
+    const Index most = m.matrix().unknowns();
+    m.replace(unknowns, columns_of(columns, most, "the columns"), columns_of(rows, most, "the rows"));
   });
 }
 
 Status ChangedSystem::remove(std::span<const Index> unknowns) {
   impl_->expect_factor("remove");
-  return impl_->guarded([&] { impl_->remove(unknowns); });
+  return impl_->guarded([&] {
+    impl_->check_list(unknowns, false);
+    impl_->set_alive(unknowns, false);
+  });
 }
 
 Status ChangedSystem::restore(std::span<const Index> unknowns) {
   impl_->expect_factor("restore");
-  return impl_->guarded([&] { impl_->restore(unknowns); });
+  return impl_->guarded([&] {
+    impl_->check_list(unknowns, true);
+    impl_->set_alive(unknowns, true);
+  });
+}
+
+Status ChangedSystem::flip(std::span<const Index> unknowns) {
+  impl_->expect_factor("flip");
+  return impl_->guarded([&] {
+    impl_->check_list(unknowns);
+    for (const Index v : unknowns) impl_->system->changing().set_alive(v, impl_->is_removed(v));
+  });
 }
 
 Status ChangedSystem::add_low_rank(std::span<const double> u, Index rank, std::span<const double> c,
                                    std::span<const double> v) {
   Impl& m = *impl_;
+  const Index n = m.matrix().n();
   m.expect_factor("add_low_rank");
   if (rank < 1) throw std::invalid_argument(fmt::format("ChangedSystem::add_low_rank: rank {}", rank));
-  check_size("add_low_rank", "u", u.size(), area(m.n, rank), false);
-  check_size("add_low_rank", "v", v.size(), area(m.n, rank), true);
+  check_size("add_low_rank", "u", u.size(), area(n, rank), false);
+  check_size("add_low_rank", "v", v.size(), area(n, rank), true);
   check_size("add_low_rank", "c", c.size(), area(rank, rank), true);
   return m.guarded([&] {
-    check_finite(u, "u");
-    check_finite(v, "v");
     check_finite(c, "c");
-    MatrixXd left = ConstMap(u.data(), m.n, rank);
-    MatrixXd core = c.empty() ? MatrixXd(MatrixXd::Identity(rank, rank)) : MatrixXd(ConstMap(c.data(), rank, rank));
-    const MatrixXd right = v.empty() ? left : MatrixXd(ConstMap(v.data(), m.n, rank));
-    const bool is_symmetric = left == right && core == core.transpose();
-    VectorXd values = VectorXd::Ones(rank);
-    if (is_symmetric) {  // U Q L (U Q)^T: one row and column for each eigenvalue, which the inertia needs
-      const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(core);
-      left = left * eigen.eigenvectors();
-      values = eigen.eigenvalues();
-    }
-    const MatrixXd w = is_symmetric ? MatrixXd(left * values.asDiagonal()) : MatrixXd(right * core.transpose());
-    m.append(Sort::low_rank, left, w, -MatrixXd::Identity(rank, rank), is_symmetric);
+    m.add_low_rank(columns_of(u, n, "u"), c, columns_of(v, n, "v"));
   });
 }
 
-SolveResult ChangedSystem::solve(std::span<const double> b, std::span<double> x, Index columns) {
+Status ChangedSystem::add_low_rank(const SparseColumns& u, std::span<const double> c, const SparseColumns& v) {
+  Impl& m = *impl_;
+  m.expect_factor("add_low_rank");
+  const Index rank = count_of(u), n = m.matrix().n();
+  if (rank < 1) throw std::invalid_argument("ChangedSystem::add_low_rank: rank 0");
+  check_size("add_low_rank", "v", at(count_of(v)), at(rank), true);
+  check_size("add_low_rank", "c", c.size(), area(rank, rank), true);
+  return m.guarded([&] {
+    check_finite(c, "c");
+    m.add_low_rank(columns_of(u, n, "u"), c, columns_of(v, n, "v"));
+  });
+}
+
+Status ChangedSystem::prepare() {
+  impl_->expect_factor("prepare");
+  return impl_->guarded([&] { impl_->system->prepare(); });
+}
+
+Status ChangedSystem::fold() {
+  impl_->expect_factor("fold");
+  return impl_->guarded([&] { impl_->system->fold(); });
+}
+
+ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<double> x, Index columns) {
   Impl& m = *impl_;
   m.expect_factor("solve");
   if (columns < 1) throw std::invalid_argument(fmt::format("ChangedSystem::solve: {} right-hand sides", columns));
-  check_size("solve", "b", b.size(), area(m.size(), columns), false);
-  check_size("solve", "x", x.size(), area(m.size(), columns), false);
+  check_size("solve", "b", b.size(), area(size(), columns), false);
+  check_size("solve", "x", x.size(), area(size(), columns), false);
   const double start = base::now_seconds();
-  SolveResult result;
+  ChangedSolveResult result;
   result.componentwise_error = std::numeric_limits<double>::quiet_NaN();
   Status status = m.guarded([&] {
-    m.prepare();
-    for (Index c = 0; c < columns; ++c)
-      m.solve_column(b.data() + area(m.size(), c), x.data() + area(m.size(), c), result);
+    for (std::size_t k = 0; k < b.size(); ++k)
+      if (const auto row = static_cast<Index>(k % at(size())); !std::isfinite(b[k]) && !m.is_removed(row))
+        throw Error(StatusCode::invalid_input, fmt::format("row {} of a right-hand side is {}", row, b[k]), row);
+    m.system->prepare();
+    m.system->solve(b.data(), x.data(), columns, result);
     const double limit = m.session().options.required_backward_error;
     if (!(result.backward_error <= limit))
       throw Error(
           StatusCode::accuracy_not_reached,
           fmt::format("the backward error is {:.1e} after {} steps of refinement, above the {:.1e} asked for: the "
-                      "changes are too large beside the matrix; factorize the changed one",
+                      "changes are too large beside the matrix; fold() them, or factorize the changed one",
                       result.backward_error, result.refinement_steps, limit));
   });
   if (!status.ok()) result.status = std::move(status);
-  result.seconds = result.solve_seconds = base::now_seconds() - start;
+  result.cost = m.system->cost();
+  result.seconds = base::now_seconds() - start;
   return result;
 }
 
-// In [A U; W D] = In A + In S. Of low rank, with the row and column of an eigenvalue l scaled to [A u; u^T -1/l]: one
-// eigenvalue of the sign of -l besides those of A + l u u^T. A removed unknown and its slack: one of either sign
-// besides those of the rest.
 Inertia ChangedSystem::inertia() const {
-  const Impl& m = *impl_;
-  m.expect_factor("inertia");
-  if (!m.symmetric || !m.border->symmetric()) return {};
-  const Border& c = *m.border;
-  MatrixXd s = c.complement();
-  const std::vector<Index> numbers = c.numbers();
-  std::vector<Eigen::Index> counted;
-  Inertia all = m.inertia;
-  for (std::size_t k = 0; k < numbers.size(); ++k) {
-    const Index number = numbers[k];
-    if (c.sort(number) == Sort::removed) {
-      --all.positive;
-      --all.negative;
-    }
-    if (c.sort(number) == Sort::low_rank) {
-      const double u = c.u().col(number).squaredNorm(), l = u > 0 ? c.w().col(number).dot(c.u().col(number)) / u : 0;
-      if (l == 0) continue;
-      s.row(static_cast<Eigen::Index>(k)) /= l;  // W = l U^T
-      --(l > 0 ? all.negative : all.positive);
-    }
-    counted.push_back(static_cast<Eigen::Index>(k));
-  }
-  if (counted.empty()) return all;
-  MatrixXd core = s(counted, counted);
-  const VectorXd scale = core.cwiseAbs().rowwise().maxCoeff().unaryExpr(
-      [](double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0; });
-  core = scale.asDiagonal() * ((core + core.transpose()) / 2) * scale.asDiagonal();
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(core, Eigen::EigenvaluesOnly).eigenvalues();
-  const double zero =
-      4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
-  for (const double v : values) ++(std::abs(v) <= zero ? all.zero : v > 0 ? all.positive : all.negative);
-  return all;
+  impl_->expect_factor("inertia");
+  impl_->session().expect_usable();
+  return impl_->system->inertia();
 }
 
 }  // namespace espalier

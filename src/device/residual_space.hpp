@@ -2,6 +2,8 @@
 /// What refinement needs of the memory in which it works, be it that of the host or of a device.
 #pragma once
 
+#include <algorithm>
+#include <cstddef>
 #include <memory>
 #include <span>
 
@@ -52,6 +54,29 @@ class ResidualSpace {
     std::shared_ptr<void> owner;
   };
   [[nodiscard]] virtual Vectors vectors(Index slot, Index columns) const = 0;
+  /// Memory of the caller's own for so many vectors, which the space must outlive. @throws Error(out_of_memory)
+  [[nodiscard]] virtual std::shared_ptr<double[]> memory(Index columns) const {
+    return std::make_shared_for_overwrite<double[]>(static_cast<std::size_t>(size()) *
+                                                    static_cast<std::size_t>(columns));
+  }
+  /// y[places[k]] = values[k], once the first `cleared` vectors of y have been set to zero. May be under way on return;
+  /// the lists are of the host, and not read any more.
+  virtual void scatter(std::span<const Offset> places, std::span<const double> values, double* y, Index cleared) const {
+    std::fill_n(y, static_cast<std::size_t>(size()) * static_cast<std::size_t>(cleared), 0.0);
+    for (std::size_t k = 0; k < places.size(); ++k) y[places[k]] = values[k];
+  }
+  /// to[k] = y[places[k]], to memory of the host. Waits.
+  virtual void gather(const double* y, std::span<const Offset> places, double* to) const {
+    for (std::size_t k = 0; k < places.size(); ++k) to[k] = y[places[k]];
+  }
+  /// y += sum_k factors[k] z_k of vectors that stand one after another, added in their order. May be under way on
+  /// return.
+  virtual void add_columns(const double* z, std::span<const double> factors, double* y) const {
+    for (const double factor : factors) {
+      if (factor != 0) combine(factor, z, 1, y);
+      z += size();
+    }
+  }
 };
 
 /// Some right-hand sides, one vector after another; r may be null when only errors are wanted.

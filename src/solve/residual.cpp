@@ -436,6 +436,17 @@ void ResidualOperator::combine(double a, const double* x, double b, double* y) c
   });
 }
 
+void ResidualOperator::add_columns(const double* z, std::span<const double> factors, double* y) const {
+  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
+    const double* column = z;
+    for (const double factor : factors) {
+      if (factor != 0)
+        for (auto i = begin; i < end; ++i) y[i] += factor * column[i];
+      column += size();
+    }
+  });
+}
+
 double ResidualOperator::dot(const double* a, const double* b) const {
   std::vector<double> sums(static_cast<std::size_t>((size() + kValuesPerRange - 1) / kValuesPerRange), 0);
   pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {

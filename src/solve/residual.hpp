@@ -71,6 +71,7 @@ class ResidualOperator final : public ResidualSpace {
   void multiply_columns(const double* x, double* y, Index columns, bool transpose) const override;
   void combine(double a, const double* x, double b, double* y) const override;
   [[nodiscard]] double dot(const double* a, const double* b) const override;
+  void add_columns(const double* z, std::span<const double> factors, double* y) const override;
 
   /// |op(A)|_inf; computed when first asked for after set_values(). Not safe for concurrent first calls.
   [[nodiscard]] double norm(bool transpose) const;

@@ -19,6 +19,35 @@ __global__ void combine_kernel(Index n, double a, const double* x, double b, dou
   if (i < n) y[i] = b == 0 ? a * x[i] : a * x[i] + b * y[i];
 }
 
+constexpr int kAddedColumns = 32;  ///< in one pass
+
+struct ColumnFactors {
+  double of[kAddedColumns];
+};
+
+/// y += sum_k factors.of[k] z_k, in the order of k; vectors of n numbers, one after another.
+__global__ void __launch_bounds__(kSystemThreads)
+    add_columns_kernel(Index n, const double* z, const ColumnFactors factors, int columns, double* y) {
+  const Offset i = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
+  if (i >= n) return;
+  double sum = y[i];
+#pragma unroll 8
+  for (int k = 0; k < columns; ++k) sum += factors.of[k] * z[static_cast<Offset>(k) * n + i];
+  y[i] = sum;
+}
+
+/// y[places[k]] = values[k].
+__global__ void set_entries_kernel(Offset count, const Offset* places, const double* values, double* y) {
+  const Offset k = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
+  if (k < count) y[places[k]] = values[k];
+}
+
+/// values[k] = y[places[k]].
+__global__ void get_entries_kernel(Offset count, const Offset* places, const double* y, double* values) {
+  const Offset k = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x;
+  if (k < count) values[k] = y[places[k]];
+}
+
 /// What the host reads after a scalar product: pinned memory that the GPU writes.
 struct DotEnd {
   double sum;

@@ -1,0 +1,129 @@
+#include "changes/row_norm.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "base/at.hpp"
+
+namespace espalier::changes {
+
+namespace {
+
+constexpr std::size_t kMostRows = 4096;  // that are summed anew: those with the largest bounds
+
+double sum_of_magnitudes(const SparseVector& v) {
+  double sum = 0;
+  for (const double x : v.value) sum += std::abs(x);
+  return sum;
+}
+
+/// Rows of the changed matrix, with what changes of low rank add to them.
+class Rows {
+ public:
+  Rows(const ChangedMatrix& matrix, const Base& base, const Border& border)
+      : matrix_(matrix), base_(base), border_(border), sum_(at(matrix.entities()), 0.0) {}
+
+  double sum_of(Index entity) {
+    columns_.clear();
+    if (base_.has(entity)) {
+      base_.for_each_in_row(entity, [&](Index column, double v) { add(column, v); });
+      for (std::size_t k = 0; k < border_.active().size(); ++k)
+        if (!border_.member(k).slack) add(border_.member(k).entity, border_.member(k).column.at(entity));
+    } else {
+      add_own_row(entity);
+    }
+    double total = 0;
+    for (const Index c : columns_) {
+      total += std::abs(sum_[at(c)]);
+      sum_[at(c)] = 0;
+    }
+    return total;
+  }
+
+ private:
+  void add(Index column, double v) {
+    if (v == 0 || !matrix_.alive(column)) return;
+    if (!matrix_.auxiliary(column)) return add_one(column, v);
+    const Item& i = matrix_.item(column);
+    for (std::size_t q = 0; q < i.row.size(); ++q)
+      if (matrix_.alive(i.row.place[q])) add_one(i.row.place[q], -v / i.corner * i.row.value[q]);
+  }
+  void add_one(Index column, double v) {
+    columns_.push_back(column);  // a second time it finds zero
+    sum_[at(column)] += v;
+  }
+  void add_own_row(Index entity) {
+    std::size_t me = 0;
+    while (border_.member(me).entity != entity) ++me;
+    const SparseVector& row = border_.member(me).row;
+    for (std::size_t q = 0; q < row.size(); ++q) add(row.place[q], row.value[q]);
+    for (std::size_t k = 0; k < border_.active().size(); ++k)
+      if (!border_.member(k).slack) add(border_.member(k).entity, border_.corner(me, k));
+  }
+
+  const ChangedMatrix& matrix_;
+  const Base& base_;
+  const Border& border_;
+  std::vector<double> sum_;
+  std::vector<Index> columns_;
+};
+
+}  // namespace
+
+double row_norm(const ChangedMatrix& matrix, Base& base, const Border& border) {
+  const std::vector<double>& sums = base.row_sums();
+  std::vector<double> bound(at(matrix.entities()), 0.0);
+  std::vector<char> touched(bound.size(), 0);
+  std::vector<Index> list;
+  const auto touch = [&](Index row, double more) {
+    if (std::exchange(touched[at(row)], 1) == 0) list.push_back(row);
+    bound[at(row)] += more;
+  };
+  const auto touch_all = [&](const SparseVector& column, double factor) {
+    for (std::size_t q = 0; q < column.size(); ++q) touch(column.place[q], factor * std::abs(column.value[q]));
+  };
+  const auto weight = [&](Index entity) {
+    if (!matrix.auxiliary(entity)) return 1.0;
+    return sum_of_magnitudes(matrix.item(entity).row) / std::abs(matrix.item(entity).corner);
+  };
+  for (std::size_t k = 0; k < border.active().size(); ++k) {
+    const Border::Member& m = border.member(k);
+    if (m.slack) {
+      base.for_each_in_column(m.entity, [&](Index row, double) { touch(row, 0); });
+      continue;
+    }
+    touch_all(m.column, weight(m.entity));
+    touch(m.entity, sum_of_magnitudes(m.row));
+  }
+  for (Index e = matrix.n(); e < base.order(); ++e)
+    if (base.has(e) && matrix.auxiliary(e)) touch_all(matrix.item(e).column, weight(e));
+
+  const auto stays = [&](Index row) { return touched[at(row)] == 0 && base.has(row) && matrix.counts(row); };
+  const std::vector<Index>& largest = base.largest_rows();
+  const auto first = std::find_if(largest.begin(), largest.end(), stays);
+  double most = first == largest.end() ? 0 : sums[at(*first)];
+  if (first == largest.end())
+    for (Index e = 0; e < base.order(); ++e)
+      if (stays(e)) most = std::max(most, sums[at(e)]);
+  std::vector<Index> rows;
+  for (const Index e : list) {
+    if (!matrix.counts(e)) continue;
+    if (base.has(e)) bound[at(e)] += sums[at(e)];
+    rows.push_back(e);
+  }
+  std::sort(rows.begin(), rows.end(),
+            [&](Index a, Index b) { return bound[at(a)] != bound[at(b)] ? bound[at(a)] > bound[at(b)] : a < b; });
+  if (rows.size() > kMostRows) rows.resize(kMostRows);
+  std::optional<Rows> changed;
+  for (const Index e : rows) {
+    if (bound[at(e)] <= most) break;
+    if (!changed) changed.emplace(matrix, base, border);
+    most = std::max(most, changed->sum_of(e));
+  }
+  return most;
+}
+
+}  // namespace espalier::changes

@@ -1,0 +1,353 @@
+#include "changes/system.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "base/at.hpp"
+#include "base/stopwatch.hpp"
+#include "changes/folding.hpp"
+#include "changes/row_norm.hpp"
+#include "solver/solver_impl.hpp"
+
+namespace espalier::changes {
+
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr Index kSideBySide = 32;  // right-hand sides side by side
+constexpr Index kGivenSlot = 10, kFoundSlot = 11, kRestSlot = 12;
+
+solver::Session& session_of(Solver& s) { return solver::SolverAccess::session(s); }
+
+// Of a sweep up and down the factor, in floating-point operations: it waits for memory.
+double sweep_work(const Base& base, Index columns) {
+  constexpr double kEntry = 50, kColumn = 4;
+  const auto entries = static_cast<double>(base.session().analysis.nonzeros_factor);
+  const double sweeps = std::ceil(static_cast<double>(columns) / kSideBySide);
+  return entries * (kEntry * sweeps + kColumn * static_cast<double>(columns));
+}
+
+// Of a factorization, with what comes before.
+double factorization_work(const Base& base, bool same_pattern) {
+  constexpr double kCall = 2e5, kEntry = 20, kAnalysis = 1000;  // of a call; an entry: copied, analyzed
+  return base.session().analysis.flops + kCall +
+         static_cast<double>(base.pattern().nonzeros()) * (kEntry + (same_pattern ? 0 : kAnalysis));
+}
+
+double largest(const auto& v) { return v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff(); }
+
+}  // namespace
+
+System::System(Solver& solver)
+    : matrix_(session_of(solver).current().n()),
+      solver_(&solver),
+      original_(session_of(solver), std::vector<char>(at(matrix_.n()), 1)),
+      border_(matrix_, original_) {
+  cost_.factorization_seconds = original_.session().factor->result().seconds;
+}
+
+Index System::changes() const {
+  Index count = 0;
+  for (Index e = 0; e < matrix_.entities(); ++e) count += base().has(e) != matrix_.alive(e) ? 1 : 0;
+  return count;
+}
+
+ChangeCost System::cost() const {
+  ChangeCost c = cost_;
+  c.factorization = factorization_work(base(), matrix_.entities() == base().order());
+  return c;
+}
+
+// Which entities belong into the border, by those that were touched.
+void System::find_wanted() {
+  const auto look_at = [&](Index e) {
+    if (base().has(e) != matrix_.alive(e))
+      wanted_.insert(e);
+    else
+      wanted_.erase(e);
+    if (matrix_.counts(e))
+      silent_.erase(e);
+    else
+      silent_.insert(e);
+  };
+  const std::vector<Index> touched = matrix_.take_touched();
+  if (updated_) {
+    for (const Index e : touched) look_at(e);
+  } else {
+    wanted_.clear();
+    silent_.clear();
+    outside_.clear();
+    for (Index e = 0; e < matrix_.entities(); ++e) look_at(e);
+    for (Index e = 0; e < base().order(); ++e)
+      if (!base().has(e)) outside_.push_back(e);
+  }
+  updated_ = true;
+}
+
+void System::update() {
+  find_wanted();
+  const double start = base::now_seconds();
+  const Index made = border_.update(base(), wanted_);
+  if (made == 0) return;
+  cost_.column_seconds += base::now_seconds() - start;
+  cost_.columns += made;
+  cost_.changes += sweep_work(base(), made);
+}
+
+void System::prepare() {
+  if (!stale_) return;
+  find_wanted();
+  const ChangeCost so_far = cost();
+  const bool pays = so_far.changes + sweep_work(base(), border_.missing(wanted_)) >= so_far.factorization;
+  if (folds_ && !refused_ && !wanted_.empty() && pays) {
+    try {
+      factorize_changed();
+    } catch (const Error& e) {  // columns go on, as far as they go
+      if (e.status().code == StatusCode::singular || e.status().code == StatusCode::cancelled) throw;
+      refused_ = true;
+    }
+  }
+  update();
+  if (!border_.factorize(base()))
+    throw Error(
+        StatusCode::singular,
+        fmt::format("the changed matrix is singular: so are the {} rows of its changes, condensed; constraints that "
+                    "depend on others must go",
+                    border_.active().size()));
+  norm_ = row_norm(matrix_, base(), border_);
+  stale_ = false;
+}
+
+void System::fold() {
+  factorize_changed();
+  refused_ = false;
+  prepare();
+}
+
+void System::back_to_original() {
+  border_.clear();
+  folded_.reset();
+  own_.reset();
+  updated_ = false;
+  stale_ = true;
+}
+
+// Beside the solver's own factor. The analysis is that of the factor before, followed where the pattern has changed.
+void System::factorize_changed() {
+  const double start = base::now_seconds();
+  const SparseMatrix a = folded(matrix_, original_);
+  const bool is_symmetric = symmetric(matrix_, original_);
+  const Options& given = original_.session().options;
+  const bool as_given = is_symmetric == original_.symmetric() && given.permutation.empty() &&
+                        (given.kind == Kind::automatic || given.kind == original_.session().current().kind()) &&
+                        (given.kind != Kind::llt || matrix_.entities() == matrix_.n());
+  const auto expect = [](const Status& s) {
+    if (!s.ok()) throw Error(s);
+  };
+  std::vector<char> alive;
+  for (Index e = 0; e < matrix_.entities(); ++e) alive.push_back(matrix_.alive(e) ? 1 : 0);
+  border_.clear();  // the memory of its columns
+  updated_ = false;
+  stale_ = true;
+  try {
+    if (own_ && !as_given && own_->options().kind == Kind::llt) own_.reset();
+    if (!own_ && as_given) own_ = std::make_unique<Solver>(solver_->clone());
+    if (own_ && (own_->analysis().kind != Kind::lu) != is_symmetric) own_.reset();
+    if (!own_) {
+      Options o = given;
+      o.permutation.clear();
+      o.kind = is_symmetric ? Kind::automatic : Kind::lu;
+      own_ = std::make_unique<Solver>(std::move(o));
+      expect(own_->analyze(a).status);
+    } else if (!own_->has_pattern(a)) {
+      expect(own_->analyze_change(a).analysis.status);
+    }
+    expect(own_->factorize(a).status);
+  } catch (const Error&) {
+    back_to_original();
+    throw;
+  }
+  folded_.emplace(session_of(*own_), std::move(alive));
+  const Index before = cost_.factorizations;
+  cost_ = {};
+  cost_.factorizations = before + 1;
+  cost_.factorization_seconds = base::now_seconds() - start;
+}
+
+// The residual of the unknowns that count; those of low rank are what they must be, which x is told.
+MatrixXd System::residual(const MatrixXd& b, MatrixXd& x) {
+  const auto columns = static_cast<Index>(b.cols());
+  const Index m = base().order();
+  for (Index e = matrix_.n(); e < matrix_.entities(); ++e) {
+    if (!matrix_.auxiliary(e)) continue;
+    const Item& item = matrix_.item(e);
+    for (Index c = 0; c < columns; ++c) {
+      double sum = 0;
+      for (std::size_t q = 0; q < item.row.size(); ++q) sum += item.row.value[q] * x(item.row.place[q], c);
+      x(e, c) = -sum / item.corner;
+    }
+  }
+  MatrixXd right = b.topRows(m), inside = x.topRows(m);
+  for (const Index e : outside_) {
+    right.row(e).setZero();
+    inside.row(e).setZero();
+  }
+  for (std::size_t k = 0; k < border_.active().size(); ++k) {
+    const Border::Member& u = border_.member(k);
+    if (u.slack) continue;
+    for (Index c = 0; c < columns; ++c)
+      for (std::size_t q = 0; q < u.column.size(); ++q)
+        right(u.column.place[q], c) -= u.column.value[q] * x(u.entity, c);
+  }
+  double* const b_there = base().vectors(kGivenSlot, columns);
+  double* const x_there = base().vectors(kFoundSlot, columns);
+  double* const r_there = base().vectors(kRestSlot, columns);
+  base().send(b_there, right.data(), columns);
+  base().send(x_there, inside.data(), columns);
+  std::vector<device::ResidualColumn> list;
+  for (Index c = 0; c < columns; ++c)
+    list.push_back({b_there + Offset{c} * m, x_there + Offset{c} * m, r_there + Offset{c} * m, {}});
+  base().space().compute(list, false);
+  base().fetch(right.data(), r_there, columns);
+  MatrixXd r = MatrixXd::Zero(b.rows(), columns);
+  r.topRows(m) = right;
+  for (std::size_t k = 0; k < border_.active().size(); ++k) {
+    const Border::Member& w = border_.member(k);
+    if (w.slack) continue;
+    for (Index c = 0; c < columns; ++c) {
+      double sum = b(w.entity, c);
+      for (std::size_t q = 0; q < w.row.size(); ++q) sum -= w.row.value[q] * inside(w.row.place[q], c);
+      for (std::size_t j = 0; j < border_.active().size(); ++j)
+        if (!border_.member(j).slack) sum -= border_.corner(k, j) * x(border_.member(j).entity, c);
+      r(w.entity, c) = sum;
+    }
+  }
+  for (const Index e : silent_) r.row(e).setZero();
+  return r;
+}
+
+MatrixXd System::substitute(const MatrixXd& r) {
+  const auto columns = static_cast<Index>(r.cols());
+  const Index m = base().order();
+  MatrixXd inside = r.topRows(m);
+  for (const Index e : outside_) inside.row(e).setZero();
+  double* const from = base().vectors(kGivenSlot, columns);
+  double* const to = base().vectors(kFoundSlot, columns);
+  base().send(from, inside.data(), columns);
+  base().substitute(from, to, columns);
+  MatrixXd t;
+  if (!border_.active().empty()) {
+    MatrixXd right = -border_.rows_times(base(), to, columns);
+    for (std::size_t k = 0; k < border_.active().size(); ++k)
+      if (!border_.member(k).slack) right.row(static_cast<Eigen::Index>(k)) += r.row(border_.member(k).entity);
+    t = border_.solve(right);
+    border_.subtract(base(), t, to);
+  }
+  base().fetch(inside.data(), to, columns);
+  MatrixXd x = MatrixXd::Zero(r.rows(), columns);
+  x.topRows(m) = inside;
+  for (std::size_t k = 0; k < border_.active().size(); ++k)
+    if (!border_.member(k).slack) x.row(border_.member(k).entity) = t.row(static_cast<Eigen::Index>(k));
+  for (const Index e : silent_) x.row(e).setZero();
+  return x;
+}
+
+void System::count_products(Index columns) {
+  constexpr double kProduct = 8;
+  cost_.changes +=
+      kProduct * static_cast<double>(border_.active().size()) * static_cast<double>(base().order()) * columns;
+}
+
+void System::solve_block(const double* given, double* to, Index columns, SolveResult& result) {
+  const Options& o = original_.session().options;
+  MatrixXd b = MatrixXd::Zero(matrix_.entities(), columns);
+  for (Index c = 0; c < columns; ++c)
+    for (Index u = 0; u < matrix_.unknowns(); ++u)
+      if (const Index e = matrix_.entity_of(u); matrix_.alive(e)) b(e, c) = given[Offset{c} * matrix_.unknowns() + u];
+  const auto errors_of = [&](const MatrixXd& r, const MatrixXd& x) {
+    std::vector<double> errors;
+    for (Index c = 0; c < columns; ++c) {
+      const double scale = norm_ * largest(x.col(c)) + largest(b.col(c)), rest = largest(r.col(c));
+      errors.push_back(!r.col(c).allFinite() ? std::numeric_limits<double>::infinity() : rest == 0 ? 0 : rest / scale);
+    }
+    return errors;
+  };
+  const double start = base::now_seconds();
+  MatrixXd x = substitute(b);
+  result.solve_seconds += base::now_seconds() - start;
+  MatrixXd r = residual(b, x);
+  count_products(columns);
+  std::vector<double> errors = errors_of(r, x);
+  std::vector<char> open(at(columns), 1);
+  int steps = 0;
+  const auto any_open = [&] {
+    bool any = false;
+    for (Index c = 0; c < columns; ++c) {
+      open[at(c)] = open[at(c)] != 0 && errors[at(c)] > o.refinement_target && std::isfinite(errors[at(c)]) ? 1 : 0;
+      any = any || open[at(c)] != 0;
+    }
+    return any;
+  };
+  for (; steps < o.refinement_steps && any_open(); ++steps) {
+    MatrixXd better = x + substitute(r);
+    const MatrixXd left = residual(b, better);
+    count_products(columns);
+    const std::vector<double> now = errors_of(left, better);
+    bool gained = false;
+    for (Index c = 0; c < columns; ++c) {
+      if (open[at(c)] == 0) continue;
+      open[at(c)] = now[at(c)] <= errors[at(c)] / 2 ? 1 : 0;
+      if (!(now[at(c)] < errors[at(c)])) continue;
+      gained = true;
+      x.col(c) = better.col(c);
+      r.col(c) = left.col(c);
+      errors[at(c)] = now[at(c)];
+    }
+    if (!gained) break;
+  }
+  for (Index c = 0; c < columns; ++c)
+    for (Index u = 0; u < matrix_.unknowns(); ++u) to[Offset{c} * matrix_.unknowns() + u] = x(matrix_.entity_of(u), c);
+  result.refinement_steps = std::max(result.refinement_steps, steps);
+  for (const double e : errors) result.backward_error = std::max(result.backward_error, e);
+}
+
+void System::solve(const double* b, double* x, Index columns, SolveResult& result) {
+  for (Index first = 0; first < columns; first += kSideBySide) {
+    const Offset skipped = Offset{first} * matrix_.unknowns();
+    solve_block(b + skipped, x + skipped, std::min(kSideBySide, columns - first), result);
+  }
+}
+
+// In [A U; W D] = In A + In S. Of low rank, [A u; u^T -1/l]: one eigenvalue of the sign of -l besides those of
+// A + l u u^T. A removed unknown and its slack: one of either sign besides those of the rest.
+Inertia System::inertia() {
+  if (!symmetric(matrix_, original_) || !base().symmetric()) return {};
+  update();
+  (void)border_.factorize(base());  // refines columns where that matters
+  Inertia all = base().inertia();
+  all.positive -= base().dead();
+  for (Index e = matrix_.n(); e < matrix_.entities(); ++e)
+    if (matrix_.auxiliary(e)) --(matrix_.item(e).corner > 0 ? all.positive : all.negative);
+  for (std::size_t k = 0; k < border_.active().size(); ++k) {
+    all.positive -= border_.member(k).slack ? 1 : 0;
+    all.negative -= border_.member(k).slack ? 1 : 0;
+  }
+  MatrixXd s = border_.complement();
+  if (s.rows() == 0) return all;
+  const VectorXd scale = s.cwiseAbs().rowwise().maxCoeff().unaryExpr(
+      [](double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0; });
+  s = scale.asDiagonal() * ((s + s.transpose()) / 2) * scale.asDiagonal();
+  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(s, Eigen::EigenvaluesOnly).eigenvalues();
+  const double zero =
+      4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
+  for (const double v : values) ++(std::abs(v) <= zero ? all.zero : v > 0 ? all.positive : all.negative);
+  return all;
+}
+
+}  // namespace espalier::changes
