@@ -245,7 +245,8 @@ int espalier_refactorize(espalier_solver* solver, const double* values, int64_t 
  * The values of the last factorization but for `count` of them: values[k] at places[k] (from 0, in the order of the
  * analysed matrix's indices; of a symmetric matrix that is stored in both triangles both places). With the option
  * "partial_refactorization" only what these values reach is made again. ESPALIER_INVALID_INPUT for places that the
- * matrix does not have or has twice, and for values that are not finite: the factor is as it was then.
+ * matrix does not have or has twice, and for values that are not finite: the factor is as it was then. Where the
+ * matrix becomes singular, the status says so, and the factor is that of the values before.
  */
 int espalier_refactorize_entries(espalier_solver* solver, const int64_t* places, const double* values, int64_t count,
                                  espalier_factor_info* info);
@@ -255,10 +256,35 @@ int espalier_refactorize_entries(espalier_solver* solver, const int64_t* places,
  */
 int espalier_solve(espalier_solver* solver, const double* b, double* x, int64_t columns, int transpose,
                    espalier_solve_info* info);
+/** What a solve for a few unknowns did. */
+typedef struct espalier_rows_info {
+  size_t size;
+  double seconds;
+  double backward_error;      /**< of a whole solution without refinement, once for each factorization; where whole */
+  double componentwise_error; /**< solutions were made, of these; NaN: nobody asks for them */
+  double share;               /**< of the factor's entries, those that were read */
+} espalier_rows_info;
+/** Right-hand sides with few entries, all from 0: those of column c are values[k] in row rows[k] for k from begin[c] to
+ * begin[c + 1] - 1; entries in one place are added. Of a complex matrix a value is two doubles. */
+typedef struct espalier_columns {
+  int64_t columns;
+  const int64_t* begin; /**< columns + 1, ascending from 0 */
+  const int64_t* rows;  /**< begin[columns] of them; likewise the values */
+  const double* values;
+} espalier_columns;
 /**
- * The same with arrays in the memory of the GPU that holds the factor, in core; otherwise the status is
- * ESPALIER_DEVICE_ERROR. The calls wait for what is enqueued on `stream` (a cudaStream_t; NULL: the default stream) and
- * return when the GPU is done.
+ * Solves A X = B (or with A^T, A^H) for some unknowns: x gets `wanted` values for each column, those of unknowns[k] in
+ * row k, column after column. Only the part of the factor that leads from the entries of B to them is read; the
+ * numbers are those of a solve without refinement: see solve_rows.hpp. ESPALIER_INVALID_INPUT for indices out of range
+ * and numbers that are not finite; x is undefined then, and the factor stays.
+ * @param count  of values that x has room for, wanted * columns, checked
+ */
+int espalier_solve_rows(espalier_solver* solver, const espalier_columns* b, const int64_t* unknowns, int64_t wanted,
+                        double* x, int64_t count, int transpose, espalier_rows_info* info);
+/**
+ * The same as espalier_solve with arrays in the memory of the GPU that holds the factor, in core; otherwise the status
+ * is ESPALIER_DEVICE_ERROR. The calls wait for what is enqueued on `stream` (a cudaStream_t; NULL: the default stream)
+ * and return when the GPU is done.
  */
 int espalier_refactorize_device(espalier_solver* solver, const double* values, int64_t count, void* stream,
                                 espalier_factor_info* info);
@@ -372,6 +398,14 @@ int espalier_load_analysis_rows_i64(espalier_solver* solver, const char* path, c
                                     espalier_analysis_info* info);
 /** Saves the analysis to a file, for espalier_load_analysis of the same pattern. With ranks, rank 0 writes it. */
 int espalier_save_analysis(espalier_solver* solver, const char* path);
+/** Saves the last factorization of a real matrix, with matrix and analysis, to a file that appears under its name when
+ * all of it is on the medium. */
+int espalier_save_factor(espalier_solver* solver, const char* path);
+/** In place of analyze and factorize: the factor of a file of espalier_save_factor; kind and precision are those of the
+ * file. Its numbers are taken from the file where this machine lays out fronts alike, else the matrix is factorized
+ * again. espalier_refactorize then takes values in the order of the file: of lu all entries, else one triangle.
+ * ESPALIER_INVALID_INPUT for a file that is cut off, damaged, none of these, or newer. @param info may be null */
+int espalier_load_factor(espalier_solver* solver, const char* path, espalier_factor_info* info);
 int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,
                                espalier_analysis_info* info);
 int espalier_load_analysis_i64(espalier_solver* solver, const char* path, const espalier_matrix_i64* a,
@@ -385,6 +419,52 @@ int espalier_analyze_change_i32(espalier_solver* solver, const espalier_matrix_i
                                 espalier_analysis_info* info);
 int espalier_analyze_change_i64(espalier_solver* solver, const espalier_matrix_i64* a, int32_t* anew,
                                 espalier_analysis_info* info);
+
+/** Rows and columns that come and go around the factor of a solver, see changed_system.hpp. Indices are from 0. Why a
+ * call failed is said by the solver (espalier_last_error), under whose lock all calls are. End it before the solver,
+ * and make it anew, or reset it, when that has factorized again. Real matrices; a general one by columns. */
+typedef struct espalier_changed espalier_changed;
+int espalier_changed_create(espalier_solver* solver, espalier_changed** changed);
+void espalier_changed_destroy(espalier_changed* changed);
+/** Forgets all changes, and takes the factor that the solver has now. */
+int espalier_changed_reset(espalier_changed* changed);
+/** Adds an unknown and an equation for each column. @param rows  the equations, each as a column; NULL: as `columns`.
+ * @param corner  among the new ones, column by column; NULL: zeros */
+int espalier_changed_add(espalier_changed* changed, const espalier_columns* columns, const espalier_columns* rows,
+                         const double* corner);
+/** Another column and row for each of `count` unknowns; rows NULL: as `columns`. */
+int espalier_changed_replace(espalier_changed* changed, const int64_t* unknowns, int64_t count,
+                             const espalier_columns* columns, const espalier_columns* rows);
+/** Unknowns go with their equations, x is 0 there; come back; or do the one or the other, as each stands. */
+int espalier_changed_remove(espalier_changed* changed, const int64_t* unknowns, int64_t count);
+int espalier_changed_restore(espalier_changed* changed, const int64_t* unknowns, int64_t count);
+int espalier_changed_flip(espalier_changed* changed, const int64_t* unknowns, int64_t count);
+/** A + U C V^T. @param c  column by column; NULL: the identity. @param v  NULL: as u */
+int espalier_changed_add_low_rank(espalier_changed* changed, const espalier_columns* u, const double* c,
+                                  const espalier_columns* v);
+/** Makes the columns of what is new now; a solve does so, too. */
+int espalier_changed_prepare(espalier_changed* changed);
+/** Factorizes the changed matrix now, or by itself where that is cheaper (1, as at first) or never (0). */
+int espalier_changed_fold(espalier_changed* changed);
+int espalier_changed_set_folding(espalier_changed* changed, int automatic);
+/** Unknowns: those of A and all that were added. */
+int espalier_changed_size(espalier_changed* changed, int64_t* size);
+/** @param count  of values in b, and in x, which may be b: unknowns times columns, checked */
+int espalier_changed_solve(espalier_changed* changed, const double* b, double* x, int64_t count, int64_t columns,
+                           espalier_solve_info* info);
+/** Eigenvalues above, below and at zero; -1 where something is not symmetric. */
+int espalier_changed_inertia(espalier_changed* changed, int64_t inertia[3]);
+/** Operations and seconds, see ChangeCost. */
+typedef struct espalier_change_cost {
+  size_t size;
+  double changes;       /**< operations since the last factorization of the changed matrix */
+  double factorization; /**< that one would take */
+  int64_t columns;
+  int64_t factorizations;
+  double column_seconds;
+  double factorization_seconds;
+} espalier_change_cost;
+int espalier_changed_cost(espalier_changed* changed, espalier_change_cost* cost);
 
 /** A matrix that is condensed onto some unknowns: S = A_ss - A_sr A_rr^-1 A_rs, see schur.hpp. Calls as for a solver.
  */

@@ -38,8 +38,8 @@ struct SolveRowsResult : SolveResult {
 /// roots to the unknowns (Gilbert and Peierls 1988; for multifrontal factors Amestoy, Duff, Guermouche and Slavova
 /// 2010): the numbers are those of a solve without refinement, for any number of threads. Whole solutions are made
 /// instead where those would not do: pivots were replaced, the matrix is singular, the componentwise error of the
-/// random solution is above 1e-10, or its normwise error above Options::required_backward_error; and where the factor
-/// lies on a GPU, or in files or memory that it does not fit in.
+/// random solution is above 1e-10, or its normwise error above Options::required_backward_error; and where several GPUs
+/// have the factor. Of a factor out of core, what is not on a path is not read from its store.
 /// @pre solver.state() == factorized; a solver of one process
 /// @throws std::logic_error without a factor, or of several ranks; std::invalid_argument for sizes that do not fit.
 ///         Indices out of range and numbers that are not finite: status invalid_input, which names them

@@ -59,6 +59,10 @@ struct Options {
   /// Of the host's memory that holds a factor out of core, what may be page-locked, which is done from the second
   /// factorization on: GPUs reach it without a detour, but it cannot be swapped out. -1: half of the machine's memory.
   Offset pinned_memory_bytes = -1;
+  /// A folder for what of the factor does not fit in the host's memory; empty: there is none. Its files have no names,
+  /// and are gone with the factor or the process. With a folder and no host_memory_bytes the budget is nine tenths of
+  /// what the machine has free at first.
+  std::string scratch;
   int threads = 0;  ///< host threads; 0: OMP_NUM_THREADS where that is set, else all cores this process may use
   /// Widest block column (= tile) of a front; 0: by front size. The kernels of a GPU know tiles of 32 and 64 columns:
   /// there a value below 64 means 32 for all fronts, any other the widths by front size.
@@ -91,7 +95,7 @@ struct Options {
   /// Whether a factorization makes only those fronts again that new values reach; all others are kept, and the numbers
   /// are those of a whole factorization, to the last bit (FactorReport::work_share). What fronts leave for their
   /// parents then stays in memory as well, one to two times the size of the factor, and so does a copy of the values.
-  /// In core on the host, as one device; elsewhere everything is made.
+  /// In core, on the host as one device or on one GPU; elsewhere everything is made (FactorReport::whole_reason).
   bool partial_refactorization = false;
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours
@@ -126,6 +130,9 @@ struct DeviceReport {
   double link_seconds = 0;
   Offset predicted_peak_bytes = 0;
   Offset transferred_bytes = 0;  ///< stored into and fetched from other GPUs in a factorization
+  /// Where a part of the factor is on disk (Options::scratch): what the factorization has written, and read.
+  Offset disk_written_bytes = 0;
+  Offset disk_read_bytes = 0;
 };
 
 /// What analyze() found out.
@@ -141,8 +148,13 @@ struct AnalysisResult {
                      ///< numbers as eight)
   Index fronts = 0;  ///< number of fronts
   Index tiers = 0;   ///< height of the assembly tree
-  Index largest_front = 0;       ///< rows of the largest front
-  Offset predicted_bytes = 0;    ///< peak memory of factor and work arrays that factorize() will take
+  Index largest_front = 0;     ///< rows of the largest front
+  Offset predicted_bytes = 0;  ///< peak memory of factor and work arrays that factorize() will take
+  /// What does not fit there goes to Options::scratch: bytes of the file, at most, what a factorization writes and
+  /// reads, and what a solve reads for each way through the factor, of which it takes two, and two more for each step
+  /// of refinement.
+  Offset predicted_disk_bytes = 0, predicted_disk_written_bytes = 0, predicted_disk_read_bytes = 0;
+  Offset predicted_way_read_bytes = 0;
   std::string device;            ///< where factorize() will work, and why, in one sentence
   double predicted_seconds = 0;  ///< time of the numeric factorization by the cost model
 };
@@ -164,6 +176,9 @@ struct ChangeResult {
   Offset removed_entries = 0;
   Index moved_unknowns = 0;  ///< that went up into separators, since new entries cross these
   Index kept_fronts = 0;     ///< with the same pivots and rows as before
+  /// An order that was made beside the work since an earlier change has taken the place of the one before.
+  bool reordered = false;
+  Offset entries_of_order = 0;  ///< of the factor, by the last order: what the promise counts from
 };
 
 /// What every factorize() and refactorize() tells, whatever the numbers.
@@ -172,6 +187,7 @@ struct FactorReport {
   double seconds = 0;           ///< whole call
   double flops_per_second = 0;  ///< flops of the analysis over seconds
   double work_share = 1;        ///< operations done, over those for all fronts (Options::partial_refactorization)
+  std::string whole_reason;     ///< with that option: why factorizations here make everything; empty: they need not
   Inertia inertia;
   Index two_by_two = 0;        ///< 2x2 pivots taken
   Index perturbed = 0;         ///< pivots that were too small and were replaced, or stand for a zero
@@ -249,11 +265,16 @@ class Solver {
   /// Kept are the order, but for unknowns that new entries couple across a separator (they go into it), scaling and
   /// matching, kind and devices; only fronts that the change touches are made anew. It takes a small part of
   /// analyze(). The factor is as accurate; it has at most 1.05 times the entries and its work is at most 1.15 times
-  /// that of the last full analysis.
-  /// Does all of analyze() instead, and says why, where that would not hold, where more than a tenth of the entries
-  /// have come or gone, or the number of unknowns, the storage or a matched entry; likewise with the caller's
-  /// permutation. The solver is analyzed then, not factorized, as after analyze(); on errors (see `analysis.status`) it
-  /// is empty. @pre state() != empty
+  /// that of the last order.
+  /// Where the pattern drifts away from the one that was ordered (the factor grows, or many entries have come and
+  /// gone), an order for it is made beside the work, on threads of its own, and taken some changes later if it is
+  /// better. When is counted in changes and entries: the numbers do not depend on the time that it takes. Ranks order
+  /// nothing beside.
+  /// Does all of analyze() instead, and says why, where that promise would not hold, where more than a tenth of the
+  /// entries have come or gone, or the number of unknowns, the storage or a matched entry; likewise with the caller's
+  /// permutation. The solver is analyzed then, not factorized, as after analyze(). Errors (see `analysis.status`) are
+  /// those of analyze(); rows of which no entry is left are named (singular). The analysis and its factor are then as
+  /// before; on ranks the solver is empty. @pre state() != empty
   ChangeResult analyze_change(const MatrixView& a);
   /// The same of a matrix of which each rank has rows, or entries: `refactorize` takes values in their order. Vectors
   /// of right-hand sides and solutions have the rows that the rank's part has; of entries, rank 0 has all rows. Without
@@ -274,8 +295,10 @@ class Solver {
   /// refactorize() with the values of the last factorization but for some: values[k] stands at places[k] of the
   /// analyzed matrix's value array. Of a symmetric matrix that is stored in both triangles, both places are needed.
   /// Places that the matrix does not have, and values that are not finite, end in invalid_input; so do places with
-  /// duplicates, of whose sum one part alone is not known. The factor is as it was then.
-  /// With Options::partial_refactorization only fronts that these values reach are made again. Not for ranks or parts.
+  /// duplicates, of whose sum one part alone is not known. The factor is as it was then. Where the matrix becomes
+  /// singular (or not positive definite, with Kind::llt), the result says so, and the factor is made again of the
+  /// values before. With Options::partial_refactorization only fronts that these values reach are made again. Not for
+  /// ranks or parts.
   /// @param places  from 0, any order; the last of equal ones counts
   /// @pre state() == factorized
   FactorResult refactorize_entries(std::span<const Offset> places, std::span<const double> values);

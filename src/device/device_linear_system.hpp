@@ -52,6 +52,17 @@ class DeviceLinearSystem : public PartSpace {
   virtual void send_values(Offset first, Offset count) = 0;
   /// Whether ranks share the factor. Each has a copy of the system on its device then, and all calls are collective.
   [[nodiscard]] virtual bool on_ranks() const { return false; }
+  /// Whether all values have come, so that some of them can be replaced.
+  [[nodiscard]] virtual bool has_values() const { return false; }
+  /// New values at some places of LinearSystemArrays::values. @pre has_values()
+  virtual void replace_values(std::span<const Offset> /*places*/, std::span<const double> /*values*/) {}
+  /// Marks (1) the rows and columns, n each, of entries whose values differ, bit by bit, from those that came last.
+  /// Waits.
+  /// @pre has_values() @returns false where the device cannot tell
+  virtual bool mark_differing(const double* /*values*/, std::span<unsigned char> /*rows*/,
+                              std::span<unsigned char> /*columns*/) const {
+    return false;
+  }
   /// On ranks: the same as send_values(), from an array of the device.
   virtual void copy_values(const double* /*from*/, Offset /*first*/, Offset /*count*/) {}
   /// On ranks: this one has sent the values [first, first + count); all get what all have sent, which are the whole.
@@ -60,6 +71,11 @@ class DeviceLinearSystem : public PartSpace {
   /// @param smallest_pivot  smaller ones are replaced; relative to the largest scaled entry
   /// @returns nothing when an entry is not finite
   virtual std::optional<FactorOutcome> factorize(double smallest_pivot) = 0;
+  /// The same, where only entries of some fronts are new since the last factorization: see
+  /// Executor::factorize_changed(). @param reached  fronts of the plan; not 0: one of them, closed under parents
+  virtual std::optional<FactorOutcome> factorize_changed(double smallest_pivot, std::span<const char> /*reached*/) {
+    return factorize(smallest_pivot);
+  }
   /// The values as they were given, to host memory. Waits.
   virtual void read_values(std::span<double> to) const = 0;
 
@@ -85,6 +101,18 @@ class DeviceLinearSystem : public PartSpace {
   /// From host memory, which may change on return, and to host memory (waits).
   virtual void send(double* to, const double* from, Offset count) = 0;
   virtual void fetch(double* to, const double* from, Offset count) = 0;
+};
+
+/// Waits for a device that a failure has left at work on the caller's arrays.
+class Settled {
+ public:
+  explicit Settled(DeviceLinearSystem& device) : device_(device) {}
+  Settled(const Settled&) = delete;
+  Settled& operator=(const Settled&) = delete;
+  ~Settled() { device_.settle(); }
+
+ private:
+  DeviceLinearSystem& device_;
 };
 
 }  // namespace espalier::device

@@ -2,6 +2,9 @@
 /// The device seam: an executor carries out a plan on one backend and keeps the numeric factor.
 #pragma once
 
+#include <cstddef>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -31,19 +34,21 @@ struct OperationTimes {
 /// What a factorization in less device memory than the factor needs moves; budget_bytes 0: it fits, and nothing moves.
 struct OutOfCoreReport {
   Offset budget_bytes = 0;
-  Offset predicted_bytes = 0;    ///< peak of device memory by the plan
-  Offset bytes_in = 0;           ///< from the host to the device, each factorization
-  Offset bytes_out = 0;          ///< back
-  double link_seconds = 0;       ///< what the busier direction of the link needs alone: no run is faster
-  double predicted_seconds = 0;  ///< by the plan
-  double copy_in_seconds = 0;    ///< last factorization: time in which the host copied for the device
-  double copy_out_seconds = 0;   ///< likewise from it
-  Index steps = 0;               ///< sets of fronts eliminated in core
-  Index groups = 0;              ///< groups of block columns of fronts too large for that
-  OperationTimes times = {};     ///< last factorization
-  Offset store_bytes = 0;        ///< of the host's store, which all devices share
-  Offset pinned_bytes = 0;       ///< of it, reached without the staging ring so far
-  Offset direct_bytes = 0;       ///< last factorization: moved without the ring, both directions
+  Offset predicted_bytes = 0;     ///< peak of device memory by the plan
+  Offset bytes_in = 0;            ///< from the host to the device, each factorization
+  Offset bytes_out = 0;           ///< back
+  double link_seconds = 0;        ///< what the busier direction of the link needs alone: no run is faster
+  double predicted_seconds = 0;   ///< by the plan
+  double copy_in_seconds = 0;     ///< last factorization: time in which the host copied for the device
+  double copy_out_seconds = 0;    ///< likewise from it
+  Index steps = 0;                ///< sets of fronts eliminated in core
+  Index groups = 0;               ///< groups of block columns of fronts too large for that
+  OperationTimes times = {};      ///< last factorization
+  Offset store_bytes = 0;         ///< of the host's store, which all devices share
+  Offset pinned_bytes = 0;        ///< of it, reached without the staging ring so far
+  Offset direct_bytes = 0;        ///< last factorization: moved without the ring, both directions
+  Offset disk_written_bytes = 0;  ///< since the last factorization began: of the store, to the disk
+  Offset disk_read_bytes = 0;     ///< likewise from it
 };
 
 /// One device's part in a factorization that several share.
@@ -76,6 +81,18 @@ struct FrontPaths {
   std::span<const char> down;  ///< fronts; not 0: it leads from a root to a wanted unknown
 };
 
+/// Such a substitution. Rows are places in the order of elimination, ascending, each once.
+template <class T>
+struct PathSolve {
+  FrontPaths paths;
+  std::span<const Index> given;   ///< rows of the right-hand sides that may be other than zero
+  const T* b = nullptr;           ///< given x columns, row-major
+  std::span<const Index> wanted;  ///< rows of the solutions
+  T* x = nullptr;                 ///< wanted x columns, row-major; written
+  Index columns = 1;
+  bool transpose = false;
+};
+
 /// Entries of an inverse that are asked of a factor, in any order.
 template <class T>
 struct InverseEntries {
@@ -83,6 +100,9 @@ struct InverseEntries {
   std::span<T> value;               ///< written where the entry is known
   std::span<char> known;            ///< written; 0: the entry is not on the pattern of the factor (L + L^T, L + U)
 };
+
+/// Gets or fills some bytes of a factor.
+using ArrayVisit = std::function<void(std::span<std::byte> bytes)>;
 
 /// One backend's numeric factor of a matrix with the pattern of a plan. All memory is taken in the constructor;
 /// factorize() and solve() allocate nothing on the device. T: see ESPALIER_FOR_SCALARS. Of a Hermitian matrix (Job) the
@@ -105,12 +125,9 @@ class Executor {
   /// row-major with `columns` values per row. transpose: solves with the transposed matrix (lu; a symmetric or
   /// Hermitian one is solved with itself).
   virtual void solve(T* x, Index columns, bool transpose) = 0;
-  /// The same on paths alone: of x only the rows of fronts on one of them are read, and of the solutions only those of
-  /// fronts on the way down are written, to the bits of solve(). @pre x is zero in the fronts on the way down alone
-  /// @returns false where the backend does not do that; nothing is written then
-  virtual bool solve_on_paths(T* /*x*/, Index /*columns*/, bool /*transpose*/, const FrontPaths& /*paths*/) {
-    return false;
-  }
+  /// The same through some fronts alone, to the bits of solve().
+  /// @returns false where the backend does not do that, or has no memory for it; nothing is written then
+  virtual bool solve_on_paths(const PathSolve<T>& /*solve*/) { return false; }
   /// ldlt: the inverse of D of the last factorization, n each in elimination order: its diagonal, and what stands below
   /// it, which is not zero at the first column of a 2 x 2 pivot. @returns false where the backend does not tell
   virtual bool copy_inverse_pivots(std::span<T> /*d*/, std::span<T> /*e*/) const { return false; }
@@ -118,6 +135,14 @@ class Executor {
   /// @returns false where the backend does not do that; nothing is written then
   /// @throws Error(out_of_memory)
   virtual bool invert_at(const InverseEntries<T>& /*entries*/) { return false; }
+  /// A number that differs where arrays have another layout; 0: they cannot be visited.
+  [[nodiscard]] virtual std::uint64_t arrays_layout() const { return 0; }
+  /// Hands out the arrays of the last factorization one after another: whoever keeps them can restore() it.
+  /// @pre arrays_layout() != 0
+  virtual void visit_arrays(const ArrayVisit& /*visit*/) {}
+  /// In place of factorize(), of the same values: visit() fills arrays as visit_arrays() hands them out.
+  /// @throws Error(invalid_input) for what no factorization leaves, and what visit() throws; there is no factor then
+  virtual FactorOutcome restore(std::span<const T> values, const ArrayVisit& /*visit*/) { return factorize(values); }
   [[nodiscard]] virtual std::string name() const = 0;
   [[nodiscard]] virtual Offset peak_bytes() const = 0;
   [[nodiscard]] virtual OutOfCoreReport out_of_core() const { return {}; }

@@ -12,6 +12,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "device/executor.hpp"
+#include "out_of_core/front_reader.hpp"
 #include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
@@ -93,9 +94,16 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
   virtual void take_pivots(OutOfCoreBackend<T>& from) = 0;
 
+  /// For the solves to come, where a part of the store is on disk: what they read in it they ask of `reader`, which
+  /// outlives the backend. The store's address is the same.
+  virtual void set_reader(FrontReader* reader) = 0;
   /// Like Executor::solve, from the factors in the host's store and those that stay on the device.
   /// @param reachable  all of the store is pinned: the device may read it itself
   virtual void solve(const T* store, bool reachable, T* x, Index columns, bool transpose) = 0;
+  /// Like Executor::solve_on_paths(), likewise: of the store only factors of fronts on the paths are read.
+  virtual bool solve_on_paths(const T* /*store*/, bool /*reachable*/, const device::PathSolve<T>& /*solve*/) {
+    return false;
+  }
   /// Like Executor::invert_at(), likewise.
   virtual bool invert_at(const T* /*store*/, const device::InverseEntries<T>& /*entries*/) { return false; }
   [[nodiscard]] virtual std::string name() const = 0;

@@ -1,5 +1,7 @@
 #include "out_of_core/executor.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <deque>
 #include <exception>
@@ -10,6 +12,7 @@
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "out_of_core/device_run.hpp"
+#include "out_of_core/disk_fronts.hpp"
 #include "out_of_core/pinned_store.hpp"
 
 namespace espalier::out_of_core {
@@ -47,6 +50,25 @@ device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) 
   return all;
 }
 
+// The longest list of operations.
+Index steps_of(const std::vector<OutOfCorePlan>& plans) {
+  std::size_t most = 0;
+  for (const OutOfCorePlan& p : plans) most = std::max(most, p.ops.size());
+  return static_cast<Index>(most);
+}
+
+void expect_window(const OutOfCorePlan& plan, const OutOfCoreLayout& layout, const DiskOptions& disk) {
+  const Offset window = disk.window_bytes;
+  const Offset block = disk.block_bytes > 0 ? disk.block_bytes : DiskStore::block_for(window);
+  const Offset least = DiskFronts::least_window(plan, layout, block);
+  if (window >= least) return;
+  throw WindowTooSmall(fmt::format("a factor on disk needs {} of the host's memory beside all else, the budget leaves "
+                                   "{}; raise it by {} (--host-memory)",
+                                   base::format_bytes(least), base::format_bytes(std::max<Offset>(0, window)),
+                                   base::format_bytes(least - window)),
+                       least - window);
+}
+
 template <class T>
 class OutOfCoreExecutor final : public device::Executor<T> {
  public:
@@ -64,8 +86,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
       devices_.emplace_back(std::move(backends[d]), static_cast<Index>(d), options_, progress_);
     for (auto& d : devices_) backends_.push_back(&d.backend());
     for (std::size_t d = 0; d < devices_.size(); ++d) devices_[d].prepare(plans_[d], backends_);
-    store_ = base::Buffer<T>(plans_.front().store_elements, budget);
-    touch_store();
+    make_store(budget);
     pin_store_later();
   }
 
@@ -79,8 +100,12 @@ class OutOfCoreExecutor final : public device::Executor<T> {
     error_ = nullptr;
     if (again_) pinned_->start();
     again_ = true;
+    if (disk_ != nullptr) {
+      before_ = disk_->traffic();
+      disk_->begin_plan();
+    }
     base::Stage* const stage = base::Stage::current("factorization");
-    for (auto& d : devices_) d.begin(values, store_.data(), *pinned_);
+    for (auto& d : devices_) d.begin(values, store(), *pinned_, disk_.get());
     crew_.run([&](int worker) {
       auto& d = devices_[static_cast<std::size_t>(worker / kRoles)];
       switch (worker % kRoles) {
@@ -92,6 +117,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
           return guarded(d, [&] { d.store_all(); });
       }
     });
+    if (disk_ != nullptr) disk_->end();
     if (error_ != nullptr) {
       for (auto& d : devices_) d.backend().abandon();
       std::rethrow_exception(error_);
@@ -110,12 +136,14 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   }
 
   void solve(T* x, Index columns, bool transpose) override {
-    // Not in part: then the sums, and so the bits, would depend on how far the pinning is.
-    const bool reachable = !plans_.front().streamed.empty() && pinned_->complete();
-    devices_.front().backend().solve(store_.data(), reachable, x, columns, transpose);
+    devices_.front().backend().solve(store(), reachable(), x, columns, transpose);
+  }
+  bool solve_on_paths(const device::PathSolve<T>& solve) override {
+    return devices_.front().backend().solve_on_paths(store(), reachable(), solve);
   }
   bool invert_at(const device::InverseEntries<T>& entries) override {
-    return devices_.front().backend().invert_at(store_.data(), entries);
+    if (disk_ != nullptr) disk_->hold_all(plans_.front().factor_elements * static_cast<Offset>(sizeof(T)));
+    return devices_.front().backend().invert_at(store(), entries);
   }
   [[nodiscard]] std::string name() const override { return devices_.front().backend().name(); }
   [[nodiscard]] Offset peak_bytes() const override {
@@ -143,8 +171,41 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   }
 
  private:
+  // Not in part: then the sums of a solve, and so the bits, would depend on how far the pinning is.
+  [[nodiscard]] bool reachable() { return !plans_.front().streamed.empty() && pinned_->complete(); }
   [[nodiscard]] device::OutOfCoreReport report(std::size_t d) const {
-    return devices_[d].report(options_.devices[d].budget_bytes);
+    device::OutOfCoreReport r = devices_[d].report(options_.devices[d].budget_bytes);
+    if (disk_ != nullptr) {
+      const DiskTraffic t = disk_->traffic();
+      r.disk_written_bytes = t.written_bytes - before_.written_bytes;
+      r.disk_read_bytes = t.read_bytes - before_.read_bytes;
+    }
+    return r;
+  }
+
+  [[nodiscard]] T* store() { return disk_ != nullptr ? reinterpret_cast<T*>(disk_->data()) : store_.data(); }
+
+  // In memory where it fits, else on disk.
+  void make_store(base::MemoryBudget* budget) {
+    const OutOfCorePlan& plan = plans_.front();
+    constexpr auto kSize = static_cast<Offset>(sizeof(T));
+    DiskOptions disk = options_.disk;
+    if (budget != nullptr && budget->limit() > 0)
+      disk.window_bytes = std::min(disk.window_bytes, budget->limit() - budget->held() - options_.left_bytes);
+    if (disk.folder.empty() || plan.store_elements * kSize <= disk.window_bytes) {
+      store_ = base::Buffer<T>(plan.store_elements, budget);
+      touch_store();
+      return;
+    }
+    const OutOfCoreBackend<T>& first = *backends_.front();
+    expect_window(plan, first, disk);
+    disk_ = std::make_unique<DiskStore>(plan.store_elements * kSize, disk, budget);
+    const Index steps = steps_of(plans_);
+    disk_->set_plan(DeviceRun<T>::uses_of(plans_, first, steps), plan.factor_elements * kSize,
+                    2 * static_cast<int>(plans_.size()), steps);
+    fronts_.emplace(*disk_, plan, first);
+    backends_.front()->set_reader(&*fronts_);
+    options_.pinned_bytes = 0;
   }
 
   // The machine finds pages on the first write, one by one: by all threads, before it hurts.
@@ -160,7 +221,8 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   // From the second factorization on.
   void pin_store_later() {
     OutOfCoreBackend<T>& first = *backends_.front();
-    pinned_.emplace(reinterpret_cast<std::byte*>(store_.data()), store_.bytes(), options_.pinned_bytes,
+    pinned_.emplace(reinterpret_cast<std::byte*>(store()),
+                    plans_.front().store_elements * static_cast<Offset>(sizeof(T)), options_.pinned_bytes,
                     options_.pinned_block_bytes,
                     PinnedStore::Calls{[&first] { first.enter_thread(); },
                                        [&first](std::byte* at, Offset bytes) { return first.pin(at, bytes); },
@@ -178,6 +240,7 @@ class OutOfCoreExecutor final : public device::Executor<T> {
       const std::lock_guard lock(error_mutex_);
       if (error_ == nullptr) error_ = std::current_exception();
       progress_.stop();
+      if (disk_ != nullptr) disk_->give_up();
     }
   }
 
@@ -190,6 +253,9 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   std::deque<DeviceRun<T>> devices_;
   std::vector<OutOfCoreBackend<T>*> backends_;  // of the devices
   base::Buffer<T> store_;
+  std::unique_ptr<DiskStore> disk_;              // or this one
+  std::optional<DiskFronts> fronts_;             // of it
+  DiskTraffic before_;                           // the last factorization
   std::optional<PinnedStore> pinned_;            // of the store; ends before it
   bool again_ = false;                           // a factorization was asked for before
   std::vector<device::FactorOutcome> outcomes_;  // devices; of the last factorization
@@ -216,10 +282,34 @@ Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backe
   return bytes;
 }
 
-#define ESPALIER_INSTANTIATE(T)                                                                         \
-  template std::unique_ptr<device::Executor<T>> make_out_of_core_executor(                              \
-      std::vector<std::unique_ptr<OutOfCoreBackend<T>>>, const OutOfCoreOptions&, base::MemoryBudget*); \
-  template Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>&, const OutOfCoreOptions&);
+template <class T>
+DiskPrediction predict_disk(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backends,
+                            const OutOfCoreOptions& options) {
+  constexpr auto kSize = static_cast<Offset>(sizeof(T));
+  const std::vector<OutOfCorePlan> plans =
+      plan_out_of_core(*backends.front(), options.devices, options.rates, options.pool);
+  const OutOfCorePlan& plan = plans.front();
+  DiskOptions disk = options.disk;
+  Offset& window = disk.window_bytes;
+  for (std::size_t d = 0; d < backends.size(); ++d)
+    window -= backends[d]->host_bytes(plans[d], 2 * options.slots, options.slot_bytes);
+  const Offset bytes = plan.store_elements * kSize, lasts = plan.factor_elements * kSize;
+  DiskPrediction p;
+  if (bytes <= window) return p;
+  expect_window(plan, *backends.front(), disk);
+  p.file_bytes = bytes - window;
+  p.factorization = traffic_of(DeviceRun<T>::uses_of(plans, *backends.front(), steps_of(plans)), bytes, lasts, window);
+  // A way begins with what the one before has ended with.
+  p.way_read_bytes = std::max<Offset>(0, lasts / (backends.front()->plan().options.unsymmetric ? 2 : 1) - window);
+  return p;
+}
+
+#define ESPALIER_INSTANTIATE(T)                                                                                  \
+  template std::unique_ptr<device::Executor<T>> make_out_of_core_executor(                                       \
+      std::vector<std::unique_ptr<OutOfCoreBackend<T>>>, const OutOfCoreOptions&, base::MemoryBudget*);          \
+  template Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>&, const OutOfCoreOptions&); \
+  template DiskPrediction predict_disk(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>&,                 \
+                                       const OutOfCoreOptions&);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 

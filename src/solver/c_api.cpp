@@ -182,38 +182,19 @@ struct RightHandSides {
   int transpose;
 };
 
-/// How a system is solved with what the solver holds: A, or A^T of a general matrix by rows, or the conjugate of a
-/// Hermitian one by rows. Where the conjugate of what it can solve is wanted, right-hand sides and solutions are
-/// turned.
+/// Right-hand sides and solutions, which are turned where the conjugate of what the solver can solve is wanted.
 class Conjugated {
  public:
   Conjugated(const espalier_solver& s, const RightHandSides& wanted, std::size_t size)
-      : wanted_(wanted), size_(size), complex_(s.complex_solver.has_value()) {
-    using espalier::Transpose;
-    const int t = wanted.transpose;
-    if (!complex_) {
-      const bool flip = (t != ESPALIER_NO_TRANSPOSE) != s.transposed;
-      transpose_ = flip ? Transpose::yes : Transpose::no;
-      return;
-    }
-    if (s.transposed) {  // A is the transpose of what is held; A^H is its conjugate
-      transpose_ = t == ESPALIER_NO_TRANSPOSE ? Transpose::yes : Transpose::no;
-      turned_ = t == ESPALIER_CONJUGATE_TRANSPOSE;
-    } else if (s.conjugated) {  // A is the transpose of what is held, which is Hermitian; A^H is A
-      transpose_ = t == ESPALIER_TRANSPOSE ? Transpose::no : Transpose::yes;
-    } else {
-      transpose_ = t == ESPALIER_NO_TRANSPOSE ? Transpose::no
-                   : t == ESPALIER_TRANSPOSE  ? Transpose::yes
-                                              : Transpose::conjugate;
-    }
-    if (!turned_) return;
+      : wanted_(wanted), size_(size), way_(espalier::solver::way_to_solve(s, wanted.transpose)) {
+    if (!way_.conjugate) return;
     copy_.assign(wanted.b, wanted.b + 2 * size);
     turn(copy_.data());
   }
-  [[nodiscard]] espalier::Transpose transpose() const { return transpose_; }
-  [[nodiscard]] const double* right_hand_sides() const { return turned_ ? copy_.data() : wanted_.b; }
+  [[nodiscard]] espalier::Transpose transpose() const { return way_.transpose; }
+  [[nodiscard]] const double* right_hand_sides() const { return way_.conjugate ? copy_.data() : wanted_.b; }
   void finish() {
-    if (turned_) turn(wanted_.x);
+    if (way_.conjugate) turn(wanted_.x);
   }
 
  private:
@@ -223,8 +204,7 @@ class Conjugated {
 
   const RightHandSides& wanted_;
   std::size_t size_;
-  bool complex_, turned_ = false;
-  espalier::Transpose transpose_ = espalier::Transpose::no;
+  espalier::solver::WayToSolve way_;
   std::vector<double> copy_;
 };
 

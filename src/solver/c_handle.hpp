@@ -165,6 +165,24 @@ auto with_factorized(espalier_solver& s, const Use& use) {
   return with_solver(s, "call espalier_factorize first", Solver::State::factorized, use);
 }
 
+/// How a system is solved with what the solver holds: A, or A^T of a general matrix by rows, or the conjugate of a
+/// Hermitian one by rows.
+struct WayToSolve {
+  Transpose transpose = Transpose::no;
+  bool conjugate = false;  ///< right-hand sides and solutions have to be conjugated
+};
+inline WayToSolve way_to_solve(const espalier_solver& s, int transpose) {
+  if (!s.complex_solver) return {(transpose != ESPALIER_NO_TRANSPOSE) != s.transposed ? Transpose::yes : Transpose::no};
+  if (s.transposed)  // A is the transpose of what is held; A^H is its conjugate
+    return {transpose == ESPALIER_NO_TRANSPOSE ? Transpose::yes : Transpose::no,
+            transpose == ESPALIER_CONJUGATE_TRANSPOSE};
+  if (s.conjugated)  // A is the transpose of what is held, which is Hermitian; A^H is A
+    return {transpose == ESPALIER_TRANSPOSE ? Transpose::no : Transpose::yes};
+  return {transpose == ESPALIER_NO_TRANSPOSE ? Transpose::no
+          : transpose == ESPALIER_TRANSPOSE  ? Transpose::yes
+                                             : Transpose::conjugate};
+}
+
 /// What comes before a collective call on this rank: the others, which make that call meanwhile, hear of what `body`
 /// throws, and end it.
 template <class Body>

@@ -12,6 +12,7 @@
 #include <optional>
 #include <span>
 
+#include "analysis/lazy_vector.hpp"
 #include "solve/residual.hpp"
 #include "solver/analysis.hpp"
 #include "solver/context.hpp"
@@ -33,11 +34,18 @@ struct RankValues {
 /// The last values that went into a factor, and the residuals that they make.
 class FactorValues {
  public:
+  using Places = analysis::LazyVector<Offset>;
+
   FactorValues(const System& system, Values values, const Context& context);
 
   /// Takes new values of the caller; where a device holds the linear system, on to it.
   void load(const System& system, std::span<const double> from, device::DeviceLinearSystem* device,
             base::ThreadPool& pool);
+  /// New numbers at some places of values(); of a place that comes twice the last one holds.
+  void load(std::span<const Offset> places, std::span<const double> numbers, device::DeviceLinearSystem* device);
+  /// The places in values(), ascending, at which the last load() has put other numbers than were there before, on the
+  /// device, too; nothing: it may have been anywhere.
+  [[nodiscard]] const std::optional<Places>& changed() const { return changed_; }
   /// On ranks. Where their devices hold the linear system, values go from one to the other; what a rank has not given
   /// itself is on its device alone then.
   void load(const System& system, const RankValues& from, device::DeviceLinearSystem* device, base::ThreadPool& pool);
@@ -59,12 +67,16 @@ class FactorValues {
  private:
   void send_range(std::span<const double> from, Offset first, device::DeviceLinearSystem& device,
                   base::ThreadPool& pool);
+  [[nodiscard]] bool knows_changes(device::DeviceLinearSystem* device) const;
+  void send_changed(std::span<const double> from, device::DeviceLinearSystem& device, base::ThreadPool& pool);
 
   ranks::Link* link_;  // null: there are no other ranks
   bool shared_;        // by them
+  bool compares_;      // with the values before
   Values values_;
   solve::ResidualOperator residual_;
   bool on_device_ = false;
+  std::optional<Places> changed_;
 };
 
 /// The caller's columns and rows at these positions of the plan, ascending, each once.
@@ -82,13 +94,24 @@ class Factor {
 
   void factorize(std::span<const double> values);
   void factorize(const RankValues& values);
+  /// The same where the numbers were saved: see Executor::restore(). Another layout than that of the arrays here has
+  /// all made anew.
+  void restore(std::span<const double> values, std::uint64_t layout, device::ArrayVisit source);
   /// Values of the system's border, in its order, for the factorizations to come.
   void set_border(std::span<const double> values) { std::copy(values.begin(), values.end(), border_values_.begin()); }
+  /// New values of some entries; the others stay. Doubles, as many as the entries have. @pre accepts() said so
+  void factorize_entries(std::span<const Offset> entries, std::span<const double> values);
+  /// Whether factorize_entries() takes these: else values_with() makes all values of them.
+  /// @throws Error(invalid_input) for places that there are not
+  [[nodiscard]] bool accepts(std::span<const Offset> entries, std::span<const double> values) const;
+  /// The values of these entries in the last factorization. @pre accepts() said so
+  [[nodiscard]] std::vector<double> values_at(std::span<const Offset> entries);
   void factorize_device(const double* values, Offset count, void* queue);
   /// Whose memory the values of the next factorization may lie in; null: the host's alone. The numeric part is made,
   /// where there is none yet.
   [[nodiscard]] device::DeviceLinearSystem* device_of_values();
-  /// The caller's values of the last factorization but for some of them (see Solver::refactorize_entries()).
+  /// The caller's values of the last factorization but for some of them (see Solver::refactorize_entries()); the places
+  /// are there.
   /// @throws Error(invalid_input)
   [[nodiscard]] std::vector<double> values_with(std::span<const Offset> places, std::span<const double> values);
   /// @throws Error(invalid_input) for values of the caller that no factorization takes: not finite, not symmetric
@@ -270,6 +293,8 @@ std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorRe
 
 /// Of a matrix that is singular in a way that nothing has told: no rank, inertia or determinant.
 void forget_rank(FactorResult& r);
+/// Why it makes everything again with each factorization; empty: it need not.
+std::string whole_reason(const Analysis& analysis, const Numeric& numeric);
 /// What `numeric` came to, as the caller reads it. @param held_bytes  by the solver, on the host
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
                            Deficiency deficiency, const Options& options, Offset held_bytes);

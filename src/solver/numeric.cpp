@@ -12,7 +12,9 @@
 #include "base/stage.hpp"
 #include "solver/executor_choice.hpp"
 #include "solver/pivot_policy.hpp"
+#include "solver/plan_rows.hpp"
 #include "solver/plan_vectors.hpp"
+#include "solver/reached_fronts.hpp"
 #include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
@@ -47,8 +49,10 @@ class NumericOf final : public Numeric {
         budget_(context.budget),
         link_(context.link),
         vectors_(prepared_, real_form_, pool_),
+        rows_(prepared_, real_form_, budget_),
         rule_{context.options.pivot_threshold, 0},
         executor_(make_executor<T>(analysis, rule_, context)) {
+    keeps_fronts_ = plan_->options.keep_contributions && executor_->out_of_core().budget_bytes == 0;
     // A Cholesky pivot is judged by its diagonal entry.
     const MatrixView factored = analysis.system->factored_pattern();
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(factored, plan_->tree.order, pool_);
@@ -69,7 +73,7 @@ class NumericOf final : public Numeric {
   device::FactorOutcome factorize() override {
     base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
     if (device_ != nullptr) {
-      if (auto outcome = device_->factorize(smallest_pivot_)) return *outcome;
+      if (auto outcome = factorize_there()) return *outcome;
       std::vector<double> given(given_.size());  // some may be there alone
       device_->read_values(given);
       refuse_entry(prepared_, given);
@@ -91,13 +95,26 @@ class NumericOf final : public Numeric {
         smallest_[k] = suspect_pivot(base::ScalarTraits<T>::epsilon) * std::real(values_[diagonal_[k]]);
     rule_.smallest = smallest_;
     executor_->set_pivot_rule(rule_);
-    device::FactorOutcome outcome =
-        follows ? executor_->factorize_changed(values_.span(), before_.span()) : executor_->factorize(values_.span());
+    const device::ArrayVisit source = std::exchange(restore_, nullptr);
+    device::FactorOutcome outcome = source    ? executor_->restore(values_.span(), source)
+                                    : follows ? executor_->factorize_changed(values_.span(), before_.span())
+                                              : executor_->factorize(values_.span());
     factorized_ = true;
     stage.reach(flops_);
     return outcome;
   }
 
+  [[nodiscard]] bool keeps_fronts() const override { return keeps_fronts_; }
+  void expect_changes(std::span<const Offset> places) override {
+    if (device_ != nullptr && keeps_fronts_)
+      reached_ = fronts_of().of_places(places, base::parts_of(prepared_.numbers));
+  }
+  [[nodiscard]] std::uint64_t arrays_layout() const override {
+    const std::uint64_t layout = device_ == nullptr ? executor_->arrays_layout() : 0;
+    return layout == 0 ? 0 : layout ^ (sizeof(T) + (kComplex ? 1 : 0) + (kRealForm ? 2 : 0));
+  }
+  void visit_arrays(const device::ArrayVisit& visit) override { executor_->visit_arrays(visit); }
+  void restore_next(device::ArrayVisit visit) override { restore_ = std::move(visit); }
   void halt_at_failures(bool halt) override { executor_->halt_at_failures(halt); }
   bool change_analysis(const ChangedAnalysis& changed) override {
     if (device_ != nullptr || !diagonal_.empty()) return false;
@@ -105,6 +122,7 @@ class NumericOf final : public Numeric {
     if (executor == nullptr) return false;
     executor_ = std::move(executor);
     plan_ = &changed.analysis->plan;
+    rows_.forget();
     // Values of a Hermitian matrix turn with the order.
     if (!position_.empty()) position_ = positions_for(prepared_, plan_->tree.order);
     return true;
@@ -137,8 +155,12 @@ class NumericOf final : public Numeric {
   device::DeviceLinearSystem* device_system() override { return device_.get(); }
   std::optional<device::FactorOutcome> factorize_device(const double* values) override {
     const base::Stage stage("factorization", flops_, "flops", predicted_seconds_);
+    if (keeps_fronts_ && factorized_ && device_->has_values()) {
+      std::vector<unsigned char> rows(at(prepared_.n())), columns(rows.size());
+      if (device_->mark_differing(values, rows, columns)) reached_ = fronts_of().of_rows_and_columns(rows, columns);
+    }
     device_->take_values(values);
-    return device_->factorize(smallest_pivot_);
+    return factorize_there();
   }
   void set_smallest_pivot(double smallest_pivot) override { smallest_pivot_ = smallest_pivot; }
 
@@ -165,29 +187,9 @@ class NumericOf final : public Numeric {
   }
 
   std::optional<double> solve_rows(const RowsJob& job) override {
-    if (device_ != nullptr || link_ != nullptr) return {};
-    const auto places = vectors_.places(*plan_, job.transpose);
-    const auto columns = static_cast<Index>(job.col_ptr.size() - 1);
-    const auto fronts = static_cast<std::size_t>(plan_->fronts());
-    std::vector<char> up(fronts), down(fronts);
-    for (const Index u : job.unknowns) mark_path(*plan_, places.of_solution[at(u)], down);
-    double read = 0;
-    for (Index first = 0; first < columns; first += kMostColumnsAtOnce) {
-      const Index now = std::min(kMostColumnsAtOnce, columns - first);
-      const std::span<const Offset> some = job.col_ptr.subspan(at(first), at(now) + 1);
-      std::fill(up.begin(), up.end(), 0);
-      for (Offset q = some.front(); q < some.back(); ++q)
-        mark_path(*plan_, places.of_right[at(job.row_ind[at(q)])], up);
-      const Index width = width_of(now);
-      take_room(width);
-      vectors_.take_entries(*plan_, scales_, job, places, some, width, {up, down}, rhs_.data());
-      if (!executor_->solve_on_paths(rhs_.data(), width, job.transpose, {up, down})) return {};
-      vectors_.give_unknowns(scales_, job, places, first, now, width, rhs_.data());
-      read += entries_on(*plan_, up) + entries_on(*plan_, down);
-    }
-    const std::vector<char> all(fronts, 1);
-    const double whole = 2.0 * entries_on(*plan_, all) * ((columns + kMostColumnsAtOnce - 1) / kMostColumnsAtOnce);
-    return whole > 0 ? read / whole : 1;
+    if (link_ != nullptr) return {};
+    return rows_.solve(*plan_, scales_, job, kMostColumnsAtOnce, width_of,
+                       [&](const device::PathSolve<T>& one) { return executor_->solve_on_paths(one); });
   }
 
   // B^-1(c, c') is scaled back to the entry (c, i) of A^-1 for the row i that is matched to c'. Of a real form the
@@ -204,15 +206,24 @@ class NumericOf final : public Numeric {
     base::Buffer<Index> row(static_cast<Offset>(count), &budget_), col(static_cast<Offset>(count), &budget_);
     base::Buffer<T> value(static_cast<Offset>(count), &budget_);
     base::Buffer<char> found(static_cast<Offset>(count), &budget_);
-    for (std::size_t e = 0; e < unknowns.size(); ++e)
+    const auto over_entries = [&](auto&& use) {
+      constexpr std::int64_t kGrain = 1 << 16;
+      pool_.for_each_range(static_cast<std::int64_t>(unknowns.size()), kGrain,
+                           [&](std::int64_t begin, std::int64_t end) {
+                             for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e)
+                               use(e);
+                           });
+    };
+    over_entries([&](std::size_t e) {
       for (std::size_t p = 0; p < kParts; ++p) {
         const auto at = static_cast<Offset>(e * kParts + p);
         row[at] = position[static_cast<std::size_t>(unknowns[e]) * kParts + p];
         col[at] = position[static_cast<std::size_t>(column[static_cast<std::size_t>(rows[e])]) * kParts];
       }
+    });
     if (!executor_->invert_at({{row.data(), count}, {col.data(), count}, value.span(), found.span()})) return false;
     auto* to = reinterpret_cast<Value*>(values);
-    for (std::size_t e = 0; e < unknowns.size(); ++e) {
+    over_entries([&](std::size_t e) {
       known[e] = 1;
       for (std::size_t p = 0; p < kParts; ++p) {
         const auto at = static_cast<Offset>(e * kParts + p);
@@ -221,7 +232,7 @@ class NumericOf final : public Numeric {
           to[at] =
               static_cast<Value>(value[at]) * factor_of(scales_.col, unknowns[e]) * factor_of(scales_.row, rows[e]);
       }
-    }
+    });
     return true;
   }
 
@@ -267,6 +278,19 @@ class NumericOf final : public Numeric {
   [[nodiscard]] std::vector<device::DeviceWork> device_work() const override { return executor_->device_work(); }
 
  private:
+  // Where the values have come to the device. What expect_changes() was told holds once.
+  std::optional<device::FactorOutcome> factorize_there() {
+    const std::vector<char> reached = std::exchange(reached_, {});
+    const bool follows = std::exchange(factorized_, false) && !reached.empty();
+    auto outcome = follows ? device_->factorize_changed(smallest_pivot_, reached) : device_->factorize(smallest_pivot_);
+    factorized_ = outcome.has_value();
+    return outcome;
+  }
+  const ReachedFronts& fronts_of() {
+    if (!fronts_) fronts_.emplace(prepared_, *plan_, kRealForm ? 2 : 1, pool_);
+    return *fronts_;
+  }
+
   // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all; of a real
   // form they scale the numbers that it is made of.
   double scale() {
@@ -380,17 +404,22 @@ class NumericOf final : public Numeric {
   ranks::Link* link_;          // null: there are no other ranks
   double smallest_pivot_ = 0;  // relative to the largest scaled entry
   bool parts_with_zeros_ = false;
-  base::Buffer<T> values_;   // scaled; only without device_
-  base::Buffer<T> before_;   // of the factorization before, where only what has changed is to be made; else empty
-  bool factorized_ = false;  // values_ are those of the executor's last factorization
+  base::Buffer<T> values_;     // scaled; only without device_
+  base::Buffer<T> before_;     // of the factorization before, where only what has changed is to be made; else empty
+  bool factorized_ = false;    // values_, or the device's, are those of the executor's last factorization
+  bool keeps_fronts_ = false;  // the executor may make some fronts again and keep the others
+  std::optional<ReachedFronts> fronts_;                  // of plan_, with a device
+  std::vector<char> reached_;                            // fronts that the next values reach; empty: not known
   base::Buffer<std::complex<base::RealOf<T>>> numbers_;  // real form: scaled
   base::Buffer<T> rhs_;
   PlanVectors<T, kRealForm> vectors_;
+  PlanRows<T, kRealForm> rows_;
   std::vector<Index> position_;   // Hermitian: n, by column
   std::vector<Offset> diagonal_;  // llt, without device_: n, by position
   std::vector<double> smallest_;  // likewise: a pivot below is suspicious
   device::PivotRule rule_;
   std::unique_ptr<device::Executor<T>> executor_;
+  device::ArrayVisit restore_;  // null: the next factorization computes
   std::unique_ptr<device::DeviceLinearSystem> device_;
 };
 

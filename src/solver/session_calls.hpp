@@ -96,15 +96,34 @@ inline FactorResult refactorize_entries(Session& s, const char* call, std::span<
   const std::size_t parts = static_cast<std::size_t>(base::parts_of(s.current().system->numbers()));
   if (values.size() != parts * places.size())
     throw std::invalid_argument(fmt::format("{}: {} values for {} places", call, values.size() / parts, places.size()));
-  std::vector<double> all;
+  std::vector<double> all, before;
+  bool alone = false;
   FactorResult refused;
   refused.status = guarded(s, [&] {
     s.expect_usable();
-    all = s.factor->values_with(places, values);
-    s.factor->expect_fit(all);
+    alone = s.factor->accepts(places, values);
+    if (alone) {
+      before = s.factor->values_at(places);
+    } else {
+      all = s.factor->values_with(places, values);
+      s.factor->expect_fit(all);
+      before = s.factor->values_with({}, {});
+    }
   });
   if (!refused.status.ok()) return refused;
-  return factor_by(s, [&](Factor& factor) { factor.factorize(all); });
+  const auto factorized = [&](std::span<const double> some, std::span<const double> whole) {
+    return factor_by(s, [&](Factor& factor) {
+      if (alone)
+        factor.factorize_entries(places, some);
+      else
+        factor.factorize(whole);
+    });
+  };
+  FactorResult result = factorized(values, all);
+  const StatusCode code = result.status.code;
+  // The factor is that of the values before again, or where that fails there is none.
+  if (code == StatusCode::singular || code == StatusCode::not_positive_definite) (void)factorized(before, before);
+  return result;
 }
 
 template <class Body>

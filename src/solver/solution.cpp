@@ -20,18 +20,6 @@ namespace {
 // Right-hand sides that are brought to a device at a time.
 constexpr Index kColumnsOnDevice = 32;
 
-// Waits for a device that a failure has left at work on the caller's arrays.
-class Settled {
- public:
-  explicit Settled(device::DeviceLinearSystem& device) : device_(device) {}
-  Settled(const Settled&) = delete;
-  Settled& operator=(const Settled&) = delete;
-  ~Settled() { device_.settle(); }
-
- private:
-  device::DeviceLinearSystem& device_;
-};
-
 // Whether solutions stay as the substitution gives them.
 bool nobody_looks(const Options& options) {
   return options.refinement_steps == 0 && std::isinf(options.required_backward_error);
@@ -86,7 +74,7 @@ class Solving {
   bool through_device(const SolveJob& job) {
     device::DeviceLinearSystem* device = factor_.numeric().device_system();
     if (device == nullptr) return false;
-    const Settled settled(*device);
+    const device::Settled settled(*device);
     const Offset n = doubles_;
     try {
       take_vectors(*device, std::min(kColumnsOnDevice, job.columns));
@@ -264,7 +252,7 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
   if (device == nullptr) throw not_on_device(factor.numeric(), "solve()");
   device->expect_reachable(job.b, "Solver::solve_device: the right-hand sides");
   device->expect_reachable(job.x, "Solver::solve_device: the solutions");
-  const Settled settled(*device);
+  const device::Settled settled(*device);
   device->wait_for(queue);
   const Offset count = Offset{factor.analysis()->n()} * job.columns;
   if (overlap(job.b, job.x, static_cast<std::size_t>(count))) {

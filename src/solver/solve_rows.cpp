@@ -37,13 +37,29 @@ solve::BackwardError error_without_refinement(Factor& factor, bool transpose) {
     const std::uint64_t bits = base::mix(i + 1);
     b[i] = (bits % 2 == 0 ? 1 : -1) * (0.5 + 0.5 * static_cast<double>(bits >> 11) * 0x1p-53);
   }
-  const solve::Preconditioner apply = [&](const double* from, double* to, Index columns) {
-    factor.solve(from, to, columns, transpose);
-  };
-  apply(b.data(), x.data(), 1);
   solve::RefinementOptions none;
   none.steps = 0;
-  return solve::refine(*factor.residual_space(), apply, {b.data(), x.data(), 1, transpose}, none).error;
+  const auto error_in = [&](const solve::ResidualSpace& space, const solve::Preconditioner& apply, const double* from,
+                            double* to) {
+    apply(from, to, 1);
+    return solve::refine(space, apply, {from, to, 1, transpose}, none).error;
+  };
+  if (device::DeviceLinearSystem* device = factor.numeric().device_system(); device != nullptr) {
+    const device::Settled settled(*device);
+    double* from = device->right_hand_sides(1);
+    double* to = device->solutions(1);
+    device->send(from, b.data(), static_cast<Offset>(doubles));
+    return error_in(
+        *device,
+        [&](const double* of, double* solution, Index columns) {
+          device->substitute(of, solution, columns, transpose);
+        },
+        from, to);
+  }
+  return error_in(
+      *factor.residual_space(),
+      [&](const double* of, double* solution, Index columns) { factor.solve(of, solution, columns, transpose); },
+      b.data(), x.data());
 }
 
 // Whether solutions may go without refinement and without a residual of their own.

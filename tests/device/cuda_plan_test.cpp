@@ -4,15 +4,18 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 #include <set>
 #include <string>
 #include <tuple>
+#include <utility>
 #include <vector>
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/tables/device_bytes.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "device/cuda/tables/path_tasks.hpp"
 #include "device/cuda/tables/tile_tasks.hpp"
 #include "matrix/generators/generate.hpp"
 
@@ -241,6 +244,44 @@ TEST_P(CudaPlan, SolveTasksFollowTheTree) {
     if (p < 0) continue;
     EXPECT_LT(up[f], up[p]);
     EXPECT_GT(down[f], down[p]);
+  }
+}
+
+// Truth: the lists filtered by hand, and that what a block waits for is made before it.
+TEST_P(CudaPlan, TasksOnPathsAreThoseOfTheirFronts) {
+  std::mt19937 random(3);
+  for (int run = 0; run < 20; ++run) {
+    std::vector<char> up(device_.fronts.size(), 0), down(device_.fronts.size(), 0);
+    const auto mark = [&](std::vector<char>& marks) {
+      for (auto f = static_cast<Index>(random() % marks.size()); f >= 0; f = plan_.tree.parent[f])
+        marks[static_cast<std::size_t>(f)] = 1;
+    };
+    for (int k = 0; k < run % 7; ++k) mark(up);
+    for (int k = 0; k < run % 5; ++k) mark(down);
+    const device::cuda::PathTasks some = device::cuda::tasks_on_paths(lists_, {up, down});
+    std::vector<std::pair<int, int>> expected, found;
+    std::int64_t small_up = 0, small_down = 0;
+    for (std::size_t k = 0; k < lists_.up.size(); ++k)
+      if (up[static_cast<std::size_t>(lists_.up[k].front)] != 0) {
+        expected.emplace_back(lists_.up[k].front, lists_.up[k].block);
+        small_up += k < static_cast<std::size_t>(lists_.small_up);
+      }
+    for (std::size_t k = 0; k < lists_.down.size(); ++k)
+      if (const auto f = static_cast<std::size_t>(lists_.down[k].front); down[f] != 0) {
+        expected.emplace_back(lists_.down[k].front, up[f] != 0 ? lists_.down[k].block : -1 - lists_.down[k].block);
+        small_down += k >= lists_.down.size() - static_cast<std::size_t>(lists_.small_down);
+      }
+    for (const auto* list : {&some.up, &some.down})
+      for (const device::cuda::SolveTask& t : *list) found.emplace_back(t.front, t.block);
+    EXPECT_EQ(found, expected);
+    EXPECT_EQ(some.small_up, small_up);
+    EXPECT_EQ(some.small_down, small_down);
+    std::vector<std::int32_t> fronts;
+    for (std::size_t f = 0; f < up.size(); ++f) {
+      EXPECT_EQ(some.marks[f], (up[f] != 0 ? device::cuda::kPathUp : 0) | (down[f] != 0 ? device::cuda::kPathDown : 0));
+      if (some.marks[f] != 0) fronts.push_back(static_cast<std::int32_t>(f));
+    }
+    EXPECT_EQ(some.fronts, fronts);
   }
 }
 

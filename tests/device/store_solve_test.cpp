@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -11,125 +12,21 @@
 #include <string>
 #include <vector>
 
-#include "analysis/ordering.hpp"
 #include "device/block_diagonal.hpp"
 #include "device/cuda/out_of_core/part_tables.hpp"
 #include "device/cuda/tables/device_plan.hpp"
-#include "matrix/generators/generate.hpp"
+#include "device/random_store.hpp"
 
 namespace espalier {
 namespace store_solve_test {
 
 using device::cuda::Front;
 
-struct Parameter {
-  std::vector<std::string> words;
-  Kind kind;
-  Index columns;
-};
+using random_store::Parameter;
+using random_store::RandomStore;
 
-class StoreSolve : public ::testing::TestWithParam<Parameter> {
+class StoreSolve : public RandomStore {
  protected:
-  void SetUp() override {
-    const SparseMatrix a = matrix::generate(matrix::parse_generator(GetParam().words), &pool_);
-    device::cuda::DeviceTuning tuning;
-    tuning.narrow_rows = 150;
-    auto tree = analysis::build_tree(analysis::graph_of(a, pool_), {}, pool_);
-    plan_ = plan::make_plan(std::move(tree), a, {}, device::cuda::cuda_plan_options(GetParam().kind, tuning), pool_);
-    device_ = device::cuda::make_device_plan(plan_, GetParam().kind);
-    fill_factors();
-  }
-
-  // Random numbers of about 1 / sqrt(rows), so that nothing grows; zero where the padding is.
-  void fill_factors() {
-    Offset at = 0;
-    for (auto* list : {&first_, &second_})
-      for (const Front& f : device_.fronts) {
-        list->push_back(at);
-        at += f.factor_size();
-      }
-    store_.assign(static_cast<std::size_t>(at), 0);
-    std::mt19937_64 random(3);
-    std::uniform_real_distribution<double> uniform(-1, 1);
-    for (const auto* list : {&first_, &second_})
-      for (Index f = 0; f < plan_.fronts(); ++f) {
-        const Front& x = device_.fronts[f];
-        const double size = 1 / std::sqrt(static_cast<double>(x.total_pad));
-        for (int c = 0; c < x.pivot_pad; ++c)
-          for (int r = c / x.width * x.width; r < x.total_pad; ++r)
-            if (real(x, r) && c < x.pivots) store_[place((*list)[f], x, r, c)] = size * uniform(random);
-      }
-    for (Index k = 0; k < plan_.tree.n; ++k) d_.push_back(1 + 0.5 * uniform(random));
-    e_.assign(d_.size(), 0);
-    for (const Front& x : device_.fronts)
-      for (int k = 0; k + 1 < x.pivots; k += 5)
-        if (k / x.width == (k + 1) / x.width) e_[static_cast<std::size_t>(x.position + k)] = 0.3;
-  }
-
-  static bool real(const Front& x, int r) { return r < x.pivots || (r >= x.pivot_pad && r - x.pivot_pad < x.below); }
-  static std::size_t place(Offset begin, const Front& x, int r, int c) {
-    return static_cast<std::size_t>(begin + x.chunk_offset(c / device::cuda::kChunk, r / 8 * 8) +
-                                    device::cuda::fragment_offset(r % 8, c % 16));
-  }
-
-  // Row r of the front as a position of the whole system.
-  [[nodiscard]] Index position(Index f, int r) const {
-    const Front& x = device_.fronts[f];
-    return r < x.pivots ? x.position + r : plan_.tree.rows[plan_.tree.row_ptr[f] + r - x.pivot_pad];
-  }
-
-  // One right-hand side by plain loops.
-  void reference(std::vector<double>& x, bool transpose) const {
-    const bool lu = GetParam().kind == Kind::lu;
-    for (Index f = 0; f < plan_.fronts(); ++f) up(f, lu && transpose ? second_[f] : first_[f], x);
-    if (GetParam().kind == Kind::ldlt) middle(x);
-    for (Index f = plan_.fronts() - 1; f >= 0; --f) down(f, lu && !transpose ? second_[f] : first_[f], x);
-  }
-  void up(Index f, Offset begin, std::vector<double>& x) const {
-    const Front& t = device_.fronts[f];
-    for (int j = 0; j < t.pivot_tiles; ++j) {
-      const int b = t.column_begin(j), e = std::min(t.column_end(j), t.pivots);
-      std::vector<double> y;
-      for (int r = b; r < e; ++r) {
-        double sum = 0;
-        for (int c = b; c < e; ++c) sum += store_[place(begin, t, r, c)] * x[position(f, c)];
-        y.push_back(sum);
-      }
-      for (int r = b; r < e; ++r) x[position(f, r)] = y[static_cast<std::size_t>(r - b)];
-      for (int r = t.column_end(j); r < t.total_pad; ++r)
-        for (int c = b; real(t, r) && c < e; ++c)
-          x[position(f, r)] -= store_[place(begin, t, r, c)] * y[static_cast<std::size_t>(c - b)];
-    }
-  }
-  void middle(std::vector<double>& x) const {
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      if (e_[k] == 0) {
-        x[k] *= d_[k];
-        continue;
-      }
-      const double a = x[k], b = x[k + 1];
-      x[k] = d_[k] * a + e_[k] * b;
-      x[k + 1] = e_[k] * a + d_[k + 1] * b;
-      ++k;
-    }
-  }
-  void down(Index f, Offset begin, std::vector<double>& x) const {
-    const Front& t = device_.fronts[f];
-    for (int j = t.pivot_tiles - 1; j >= 0; --j) {
-      const int b = t.column_begin(j), e = std::min(t.column_end(j), t.pivots);
-      for (int c = b; c < e; ++c)
-        for (int r = t.column_end(j); r < t.total_pad; ++r)
-          if (real(t, r)) x[position(f, c)] -= store_[place(begin, t, r, c)] * x[position(f, r)];
-      std::vector<double> y;
-      for (int c = b; c < e; ++c) {
-        double sum = 0;
-        for (int r = b; r < e; ++r) sum += store_[place(begin, t, r, c)] * x[position(f, r)];
-        y.push_back(sum);
-      }
-      for (int c = b; c < e; ++c) x[position(f, c)] = y[static_cast<std::size_t>(c - b)];
-    }
-  }
-
   std::vector<double> solved(int threads, const std::vector<double>& rhs, bool transpose) {
     base::ThreadPool pool(threads);
     device::cuda::StoreSolve<double> solve(plan_, device_.fronts, GetParam().kind, pool);
@@ -137,12 +34,6 @@ class StoreSolve : public ::testing::TestWithParam<Parameter> {
     solve.run({store_.data(), &first_, &second_, &d_, &e_}, x.data(), GetParam().columns, transpose);
     return x;
   }
-
-  base::ThreadPool pool_{2};
-  plan::Plan plan_;
-  device::cuda::DevicePlan device_;
-  std::vector<double> store_, d_, e_;
-  std::vector<Offset> first_, second_;
 };
 
 TEST_P(StoreSolve, SumsAreThoseOfPlainLoops) {
@@ -164,6 +55,72 @@ TEST_P(StoreSolve, SumsAreThoseOfPlainLoops) {
     }
     const std::vector<double> many = solved(3, rhs, transpose);
     EXPECT_EQ(std::memcmp(x.data(), many.data(), x.size() * sizeof(double)), 0);
+  }
+}
+
+/// Fronts on the way from some rows to the roots; and right-hand sides with entries in these rows.
+struct Paths {
+  std::vector<char> up, down;
+  std::vector<Index> given, wanted;
+  std::vector<double> b, x, rhs;
+  Index columns;
+
+  Paths(const plan::Plan& plan, Index the_columns, unsigned seed) : columns(the_columns) {
+    const auto fronts = static_cast<std::size_t>(plan.fronts());
+    up.resize(fronts);
+    down.resize(fronts);
+    std::mt19937 random(seed);
+    const auto choose = [&](std::vector<Index>& rows, std::vector<char>& marks) {
+      for (unsigned k = random() % 4; k > 0; --k) rows.push_back(static_cast<Index>(random() % unsigned(plan.tree.n)));
+      std::sort(rows.begin(), rows.end());
+      rows.erase(std::unique(rows.begin(), rows.end()), rows.end());
+      for (const Index row : rows) {
+        const auto& first = plan.tree.first;
+        auto f = static_cast<Index>(std::upper_bound(first.begin(), first.end(), row) - first.begin()) - 1;
+        for (; f >= 0; f = plan.tree.parent[f]) marks[static_cast<std::size_t>(f)] = 1;
+      }
+    };
+    choose(given, up);
+    choose(wanted, down);
+    rhs.assign(static_cast<std::size_t>(plan.tree.n) * static_cast<std::size_t>(columns), 0);
+    for (const Index row : given)
+      for (Index c = 0; c < columns; ++c) {
+        b.push_back(std::cos(static_cast<double>(row + 7 * c)));
+        rhs[static_cast<std::size_t>(row) * static_cast<std::size_t>(columns) + static_cast<std::size_t>(c)] = b.back();
+      }
+    x.resize(wanted.size() * static_cast<std::size_t>(columns));
+  }
+  [[nodiscard]] device::PathSolve<double> solve(bool transpose) {
+    return {{up, down}, given, b.data(), wanted, x.data(), columns, transpose};
+  }
+  void expect_rows_of(const std::vector<double>& whole) const {
+    for (std::size_t k = 0; k < wanted.size(); ++k)
+      for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
+        EXPECT_EQ(x[k * static_cast<std::size_t>(columns) + c],
+                  whole[static_cast<std::size_t>(wanted[k]) * static_cast<std::size_t>(columns) + c]);
+  }
+};
+
+// Truth: whole solves, to the last bit. What is not on a path is no number.
+TEST_P(StoreSolve, OnPathsNothingElseIsRead) {
+  const Index columns = GetParam().columns;
+  base::ThreadPool pool(3);
+  for (unsigned seed = 0; seed < 12; ++seed) {
+    Paths paths(plan_, columns, seed);
+    std::vector<double> poisoned = store_;
+    for (const auto* list : {&first_, &second_})
+      for (std::size_t f = 0; f < list->size(); ++f)
+        if (paths.up[f] == 0 && paths.down[f] == 0)
+          std::fill_n(poisoned.begin() + (*list)[f], device_.fronts[f].factor_size(), std::nan(""));
+    for (const bool transpose : {false, true}) {
+      device::cuda::StoreSolve<double> solve(plan_, device_.fronts, GetParam().kind, pool);
+      std::vector<double> ones(paths.rhs.size(), 1);  // leaves other numbers where updates were
+      solve.run({store_.data(), &first_, &second_, &d_, &e_}, ones.data(), columns, transpose);
+      solve.run({poisoned.data(), &first_, &second_, &d_, &e_}, paths.solve(transpose));
+      std::vector<double> whole = paths.rhs;
+      solve.run({store_.data(), &first_, &second_, &d_, &e_}, whole.data(), columns, transpose);
+      paths.expect_rows_of(whole);
+    }
   }
 }
 
@@ -319,6 +276,13 @@ TEST_P(StoreSolve, APartElsewhereGivesTheSameSums) {
         size = std::max(size, std::abs(y[k]));
       }
       EXPECT_LE(most, 1e3 * std::numeric_limits<double>::epsilon() * std::sqrt(static_cast<double>(n)) * size);
+      for (unsigned seed = 0; seed < 8; ++seed) {
+        Paths paths(plan_, 1, seed);
+        solve.run({store_.data(), &first_, &second_, &d_, &e_}, paths.solve(transpose));
+        std::vector<double> whole = paths.rhs;
+        solve.run({store_.data(), &first_, &second_, &d_, &e_}, whole.data(), 1, transpose);
+        paths.expect_rows_of(whole);
+      }
     }
 }
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "base/stage.hpp"
+#include "device/host/factor_arrays.hpp"
 #include "device/host/halting.hpp"
 #include "device/host/kept_fronts.hpp"
 #include "device/host/numeric_state.hpp"
@@ -14,6 +15,7 @@
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
 #include "device/host/workspace.hpp"
+#include "plan/reached_fronts.hpp"
 
 namespace espalier::device::host {
 
@@ -132,14 +134,28 @@ class HostExecutor final : public Executor<T> {
     FactorOutcome out = summarize(state_, work_);
     halted_ = out.halted;
     complete_ = !halted_ && !state_.abort;
-    if (!state_.kept.empty()) out.share = share_of_others(plan_, state_.kept);
+    if (!state_.kept.empty()) out.share = 1 - plan::share_of_work(plan_, state_.kept);
     out.seconds = base::now_seconds() - start;
     return out;
   }
 
+  [[nodiscard]] std::uint64_t arrays_layout() const override {
+    return plan_.tree.border > 0 ? 0 : layout_of_arrays(state_);
+  }
+  void visit_arrays(const ArrayVisit& visit) override { host::visit_arrays(state_, visit); }
+  FactorOutcome restore(std::span<const T> values, const ArrayVisit& visit) override {
+    const KeptOnce<T> once{state_};
+    complete_ = halted_ = false;
+    state_.rule = next_rule_;
+    reset(values);
+    host::visit_arrays(state_, visit);
+    expect_factor(state_);
+    return summarize(state_, work_);
+  }
+
   void solve(T* x, Index columns, bool transpose) override { solve_.run(x, columns, transpose); }
-  bool solve_on_paths(T* x, Index columns, bool transpose, const FrontPaths& paths) override {
-    solve_.run(x, columns, transpose, &paths);
+  bool solve_on_paths(const PathSolve<T>& solve) override {
+    solve_.run(solve);
     return true;
   }
   bool invert_at(const InverseEntries<T>& entries) override {

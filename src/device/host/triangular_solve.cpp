@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <limits>
 #include <numeric>
 
 #include "device/block_diagonal.hpp"
@@ -80,9 +81,42 @@ void TriangularSolve<T>::list_tasks() {
   // Deepest tier first: what is ready together stands together.
   std::stable_sort(forward_.begin(), forward_.end(),
                    [&](const SolveTask& a, const SolveTask& b) { return plan_.tier[a.front] > plan_.tier[b.front]; });
+  list_backward();
+}
+
+template <class T>
+void TriangularSolve<T>::list_backward() {
+  backward_.clear();
   // Backwards, only the pivot columns of a split front have work.
   for (auto t = forward_.rbegin(); t != forward_.rend(); ++t)
     if (t->tile < plan_.layout[t->front].pivot_tiles) backward_.push_back(*t);
+}
+
+template <class T>
+void TriangularSolve<T>::set_reader(out_of_core::FrontReader* reader) {
+  reader_ = reader;
+  const auto place = [&](const SolveTask& task) {
+    const Offset at = reader->order()[static_cast<std::size_t>(task.front)];
+    return at < 0 ? std::numeric_limits<Offset>::max() : at;
+  };
+  std::stable_sort(forward_.begin(), forward_.end(),
+                   [&](const SolveTask& a, const SolveTask& b) { return place(a) < place(b); });
+  list_backward();
+}
+
+// Tells a reader what the sweep to come reads.
+template <class T>
+void TriangularSolve<T>::begin_way(bool up) {
+  if (reader_ == nullptr) return;
+  std::vector<Index> fronts;
+  const auto add = [&](Index f) {
+    if (up ? passes_up(f) : passes_down(f)) fronts.push_back(f);
+  };
+  for (const SolveTask& task : up ? forward_ : backward_) {
+    if (task.tile >= 0 && !fronts.empty() && fronts.back() == task.front) continue;
+    for (Index k = 0; k <= task.front - task.begin; ++k) add(up ? task.begin + k : task.front - k);
+  }
+  reader_->begin_way(fronts, s_.kind == Kind::lu && up == transpose_);
 }
 
 // Inside a range the children of a front are on top of the stack when their parent is reached, and it takes their
@@ -162,9 +196,31 @@ void TriangularSolve<T>::run(T* x, Index nr, bool transpose, const FrontPaths* p
                      std::memory_order_relaxed);
   };
   reset(false);
+  begin_way(true);
   sweep(forward_, &TriangularSolve::forward);
   reset(true);
+  begin_way(false);
   sweep(backward_, &TriangularSolve::backward);
+}
+
+template <class T>
+void TriangularSolve<T>::run(const PathSolve<T>& solve) {
+  const Offset columns = solve.columns;
+  if (on_paths_.size() < plan_.tree.n * columns) {
+    on_paths_ = base::Buffer<T>();
+    on_paths_ = base::Buffer<T>(plan_.tree.n * columns, budget_);
+  }
+  T* x = on_paths_.data();
+  const auto passed = [&](Index f) {
+    return solve.paths.up[static_cast<std::size_t>(f)] != 0 || solve.paths.down[static_cast<std::size_t>(f)] != 0;
+  };
+  for (Index f = 0; f < plan_.fronts(); ++f)
+    if (passed(f)) std::fill_n(x + plan_.tree.first[f] * columns, plan_.layout[f].pivots * columns, T(0));
+  for (std::size_t k = 0; k < solve.given.size(); ++k)
+    std::copy_n(solve.b + static_cast<Offset>(k) * columns, columns, x + solve.given[k] * columns);
+  run(x, solve.columns, solve.transpose, &solve.paths);
+  for (std::size_t k = 0; k < solve.wanted.size(); ++k)
+    std::copy_n(x + solve.wanted[k] * columns, columns, solve.x + static_cast<Offset>(k) * columns);
 }
 
 template <class T>
@@ -184,11 +240,14 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
       // Others may still wait for messages.
       if (t == 0 && sharing_ != nullptr) sharing_->wait([&] { return finished_ == tasks.size() || s_.abort; });
     } catch (const Aborted&) {
+    } catch (const out_of_core::GivenUp&) {
     } catch (...) {  // others may wait for what this worker does not finish any more
       s_.abort = true;
+      if (reader_ != nullptr) reader_->give_up();
       throw;
     }
   };
+  const out_of_core::FrontReader::EndOfWay end(reader_);
   if (sharing_ != nullptr)
     pool_.run(take_tasks);
   else
@@ -198,10 +257,15 @@ void TriangularSolve<T>::sweep(const std::vector<SolveTask>& tasks,
 template <class T>
 void TriangularSolve<T>::forward(const SolveTask& task, Worker& w) {
   if (!passes_up(task.front)) return;  // with a front those above it
-  if (task.tile >= 0) return forward_tile(task.front, task.tile, w);
+  if (task.tile >= 0) {
+    need(task.front);
+    return forward_tile(task.front, task.tile, w);
+  }
   for (Index f = task.begin; f <= task.front; ++f) {
     if (!passes_up(f)) continue;
+    need(f);
     forward_front(f, w);
+    done(f);
     if (f == task.front) finish_forward(f);
     front_done_.set(f);
   }
@@ -215,10 +279,15 @@ void TriangularSolve<T>::finish_forward(Index f) {
 template <class T>
 void TriangularSolve<T>::backward(const SolveTask& task, Worker& w) {
   if (!passes_down(task.front)) return;
-  if (task.tile >= 0) return backward_tile(task.front, task.tile, w);
+  if (task.tile >= 0) {
+    need(task.front);
+    return backward_tile(task.front, task.tile, w);
+  }
   for (Index f = task.front; f >= task.begin; --f) {
     if (!passes_down(f)) continue;
+    need(f);
     backward_front(f, w);
+    done(f);
     front_done_.set(f);
   }
 }
@@ -236,7 +305,9 @@ const T* TriangularSolve<T>::upper(Index f, Index i, Index j) const {
 template <class T>
 void TriangularSolve<T>::finish_tile(Index f, Index tile) {
   tile_done_.set(plan_.first_tile[f] + tile);
-  if (open_[f].fetch_sub(1, std::memory_order_acq_rel) == 1) front_done_.set(f);
+  if (open_[f].fetch_sub(1, std::memory_order_acq_rel) != 1) return;
+  done(f);
+  front_done_.set(f);
 }
 
 // Adds the children's contributions for the rows [begin, end) of front f to `to`, whose row r - begin is row r.
@@ -388,6 +459,7 @@ void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
   }
   tile_done_.set(plan_.first_tile[f] + i);
   if (open_[f].fetch_sub(1, std::memory_order_acq_rel) != 1) return;
+  done(f);
   finish_forward(f);
   front_done_.set(f);
 }

@@ -8,6 +8,7 @@
 
 #include "base/thread_pool.hpp"
 #include "device/host/numeric_state.hpp"
+#include "out_of_core/front_reader.hpp"
 
 namespace espalier::device::host {
 
@@ -46,11 +47,15 @@ class TriangularSolve {
   TriangularSolve(NumericState<T>& state, base::ThreadPool& pool, base::MemoryBudget* budget,
                   SolveSharing<T>* sharing = nullptr);
 
+  /// Where the factor is not all in memory; outlives this object. From now on fronts are taken in the order in which
+  /// they are stored. The numbers do not depend on it.
+  void set_reader(out_of_core::FrontReader* reader);
   /// Memory for `nr` right-hand sides, where there is not enough.
   void prepare(Index nr);
   /// x (n x nr, elimination order) holds b on entry and the solution on return; unknowns of a border are zero.
-  /// @param paths  null: through all fronts
-  void run(T* x, Index nr, bool transpose, const FrontPaths* paths = nullptr);
+  void run(T* x, Index nr, bool transpose) { run(x, nr, transpose, nullptr); }
+  /// Through the fronts on its paths alone: the factor of others is not read.
+  void run(const PathSolve<T>& solve);
   /// The contribution of a front that others take: as SolveSharing::made() told it there. During a run.
   void take(Index front, const std::byte* rows);
 
@@ -67,7 +72,16 @@ class TriangularSolve {
   [[nodiscard]] bool passes_down(Index f) const {
     return paths_ == nullptr || paths_->down[static_cast<std::size_t>(f)] != 0;
   }
+  void run(T* x, Index nr, bool transpose, const FrontPaths* paths);
   void list_tasks();
+  void list_backward();
+  void begin_way(bool up);
+  void need(Index f) {
+    if (reader_ != nullptr) reader_->need(f);
+  }
+  void done(Index f) {
+    if (reader_ != nullptr) reader_->done(f);
+  }
   void place_contributions();
   void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
   void forward(const SolveTask& task, Worker& w);
@@ -93,6 +107,7 @@ class TriangularSolve {
   base::ThreadPool& pool_;
   base::MemoryBudget* budget_;
   SolveSharing<T>* sharing_;
+  out_of_core::FrontReader* reader_ = nullptr;  // null: all of the factor is in memory
   std::vector<SolveTask> forward_, backward_;
   std::vector<Index> front_tiles_;  // fronts: number of tile tasks of a split front, 1 otherwise
   Index largest_front_rows_ = 0, largest_tile_ = 0;
@@ -109,6 +124,7 @@ class TriangularSolve {
   Index nr_ = 1;
   bool transpose_ = false;
   const FrontPaths* paths_ = nullptr;     // of this run; null: all
+  base::Buffer<T> on_paths_;              // n x columns; defined in the rows of fronts on the paths
   std::atomic<std::size_t> finished_{0};  // tasks of this sweep
 };
 

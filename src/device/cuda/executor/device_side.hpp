@@ -4,6 +4,7 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,7 @@ struct SolvePass {
   T* result;     ///< where solutions go, maybe on another device
   Index columns, first_column, width;
   bool transpose;
+  bool on_paths = false;  ///< through the fronts that send_paths() has been told of alone
 };
 
 /// Where a side's arrays lie, for another side that reaches them. What all sides have in common has no place here.
@@ -103,6 +105,11 @@ class DeviceSide {
   /// The same in two steps; the second changes what the first has made.
   void enqueue_tasks(bool first_half_only = false);
   void enqueue_inverses();
+  /// The fronts (not 0) that enqueue_part() makes. @pre the plan keeps contributions, and this is the only GPU
+  void choose_part(std::span<const char> made);
+  /// In place of enqueue_begin() and enqueue_factor(): makes these, where all others are as a whole factorization has
+  /// left them, with sound pivots.
+  void enqueue_part();
   /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
   /// The same where it is one of several that reach the first's memory; copies the values that it needs.
@@ -130,6 +137,11 @@ class DeviceSide {
   bool take_rhs(Offset elements);
   [[nodiscard]] T* rhs() const { return rhs_at_; }
   void enqueue_solve(const std::vector<SideAddresses<T>>& sides, const SolvePass<T>& pass);
+  /// A solve on paths: its tables and what is given; then, before each pass, memory as that needs it, and after all of
+  /// them the wanted rows. @throws Error(out_of_memory); nothing has happened then
+  void send_paths(const PathSolve<T>& solve);
+  void enqueue_path_begin(const SolvePass<T>& pass);
+  void fetch_wanted(const PathSolve<T>& solve, const T* result);  ///< waits
   /// Copies the counters to the host, where they are valid once the stream is done.
   void enqueue_counters();
   [[nodiscard]] const int* factor_counters() const { return counters_.data(); }
@@ -166,6 +178,8 @@ class DeviceSide {
   void for_tables(Use&& use);
   void read_pivots(int list, std::vector<T>& to) const;  // 0: pivots, 1 and 2: of the inverse of D
   [[nodiscard]] Offset own_elements() const;
+  // Tasks [0, narrow_end) of state.tasks by the narrow kernel, those before `end` by the wide one.
+  void launch_tasks(const FactorState<T>& state, std::int64_t narrow_end, std::int64_t end);
   void take_memory();
   void take_tables();
   void choose_shapes();
@@ -215,9 +229,28 @@ class DeviceSide {
   DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
   DeviceArray<FactorTask> tasks_;
   DeviceArray<SolveTask> up_, down_, inverses_;
+  DeviceArray<std::byte> path_memory_;
+  struct PathTables {  // in path_memory_
+    SolveTask *up, *down;
+    int ups, downs, small_up, small_down;
+    unsigned char* marks;
+    std::int32_t *fronts, *given, *wanted;
+    int front_count;
+    Offset given_count;
+    T *b, *x;
+  };
+  PathTables paths_{};
   DeviceArray<std::int64_t> entry_ptr_;
   DeviceArray<std::uint64_t> entries_;
   DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side
+  struct Part {
+    std::vector<char> made;  // fronts, as chosen last; empty: none are
+    DeviceArray<char> marks;
+    DeviceArray<FactorTask> tasks;
+    DeviceArray<SolveTask> inverses;
+    std::int64_t narrow_end = 0, end = 0;
+    int inverse_count = 0;
+  } part_;
   LaunchShape shape_[2];
   SolveShape solve_shape_;
   FactorState<T> state_{};

@@ -87,6 +87,15 @@ void DeviceSide<T>::enqueue_solve(const std::vector<SideAddresses<T>>& sides, co
   s.down_tasks = static_cast<int>(l.down.size());
   s.small_up = static_cast<int>(l.small_up);
   s.small_down = static_cast<int>(l.small_down);
+  if (pass.on_paths) {
+    s.up = paths_.up;
+    s.down = paths_.down;
+    s.up_tasks = paths_.ups;
+    s.down_tasks = paths_.downs;
+    s.small_up = paths_.small_up;
+    s.small_down = paths_.small_down;
+    s.marks = paths_.marks;
+  }
   s.links = links_.data();
   s.bounds = bounds_.data();
   s.relative = relative_.data();

@@ -42,6 +42,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
 
   std::optional<FactorOutcome> factorize_filled(const FilledValues& values) override;
 
+  FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override;
+
+  std::optional<FactorOutcome> factorize_part(const FilledValues& values, std::span<const char> reached) override;
+
   double refactorize_again() override {
     const FactorGraphs& graphs = last_filled_ ? filled_graphs_ : graphs_;
     if (several()) return launch_on_all(graphs, [] {});
@@ -54,6 +58,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   [[nodiscard]] Offset values_size() const override { return first().values_size(); }
 
   void solve(T* x, Index columns, bool transpose) override;
+
+  bool solve_on_paths(const PathSolve<T>& solve) override;
 
   double solve_device(T* x, Index columns, bool transpose) override;
 
@@ -75,6 +81,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   }
 
   bool copy_inverse_pivots(std::span<T> d, std::span<T> e) const override;
+  bool invert_at(const InverseEntries<T>& entries) override;
   [[nodiscard]] std::string name() const override {
     if (!several()) return first().name();
     return fmt::format("{} GPUs, the first {}", sides_.size(), first().name());
@@ -227,6 +234,19 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   // Of graphs_, or of filled_graphs_.
   FactorOutcome run(bool filled);
   FactorOutcome run_once(bool filled, SideFlags& flags);
+  void finish_run(bool filled, const SideFlags& flags, FactorOutcome& out);
+  // Of the fronts that are not 0. @pre goes_on(), and judges_alike() by the limits that are set
+  FactorOutcome run_part(const FilledValues& values, std::span<const char> reached);
+  // Whether all fronts are finished, without a failure, and stay until a next run.
+  [[nodiscard]] bool goes_on() const;
+  [[nodiscard]] bool judges_alike(const PivotLimits<T>& now) const;
+  // @param all  all fronts were made
+  void note_run(const FactorOutcome& out, const SideFlags& flags, const PivotLimits<T>& limits, bool all);
+  // As the GPU completes those of filled_.
+  [[nodiscard]] PivotLimits<T> limits_of_filled(double largest) const {
+    return {static_cast<T>(filled_.tiny * largest), limits_[1], static_cast<T>(filled_.rounding * largest),
+            static_cast<T>(largest)};
+  }
   // Where unknowns stand in pairs, a replaced pivot does not: records graphs that know nothing of pairs.
   void forget_pairs();
 
@@ -293,6 +313,13 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   FactorGraphs graphs_, filled_graphs_;  // the second: of factorize_filled() with filled_
   FilledValues filled_;
   bool last_filled_ = false;  // the last factorization was one of these
+  struct LastRun {
+    bool sound = false;          // no pivot was replaced or failed: some fronts alone may be made again
+    bool near = false;           // kNear, of any run since all fronts were made
+    bool varied = false;         // runs since then had other limits
+    PivotLimits<T> of_all = {};  // when all fronts were made
+    T least = 0;                 // no pivot is smaller in magnitude
+  } last_;
   std::map<SolveKey, Graph> solve_graphs_;
   std::vector<DeviceWork> work_;
   std::vector<std::vector<T>> pivots_host_;

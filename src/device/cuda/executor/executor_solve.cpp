@@ -38,6 +38,30 @@ double ExecutorOnDevices<T>::solve_device(T* x, Index columns, bool transpose) {
 }
 
 template <class T>
+bool ExecutorOnDevices<T>::solve_on_paths(const PathSolve<T>& solve) {
+  if (several()) return false;
+  const DeviceGuard guard(first().device());
+  T* rhs = nullptr;
+  try {
+    rhs = device_rhs(solve.columns);
+    take_solve_memory(solve.columns);
+    first().send_paths(solve);
+  } catch (const Error& e) {
+    if (e.status().code != StatusCode::out_of_memory) throw;
+    return false;
+  }
+  for (Index c = 0; c < solve.columns; c += at_once_) {
+    const SolvePass<T> pass{rhs, rhs, solve.columns, c, pass_width(solve.columns - c), solve.transpose, true};
+    first().enqueue_path_begin(pass);
+    first().enqueue_solve(addresses(), pass);
+  }
+  first().enqueue_counters();
+  first().fetch_wanted(solve, rhs);
+  if (first().solve_counters()[1] != 0) throw stalled("solve");
+  return true;
+}
+
+template <class T>
 void ExecutorOnDevices<T>::enqueue_solve(T* x, Index columns, bool transpose) {
   if (several()) {
     solve_on_all(x, columns, transpose);

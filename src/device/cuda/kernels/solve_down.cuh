@@ -140,12 +140,12 @@ __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, in
   }
 }
 
-/// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
+/// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding, and where none has come up.
 template <class T, int R, bool K>
-__device__ void take_forward(const SolveState<T>& s, SolveBench<T, R, K>& b, int col, int cols) {
+__device__ void take_forward(const SolveState<T>& s, SolveBench<T, R, K>& b, int col, int cols, bool came) {
   const Front& f = b.front;
   for (int y = threadIdx.x; y < kRowBlock; y += threads()) {
-    const bool real = y < cols && col + y < f.pivots;
+    const bool real = came && y < cols && col + y < f.pivots;
     const T v = real ? await(s.forward + f.position + col + y, s.control, s.patience) : T(0);
     (s.inverse_d != nullptr ? b.y : b.v)[y] = v;
   }
@@ -165,10 +165,11 @@ __device__ void take_forward(const SolveState<T>& s, SolveBench<T, R, K>& b, int
   }
 }
 
-/// One row block of pivots. parity: of the barrier of what is kept; N: see BelowPanels.
+/// One row block of pivots, as in a list of tasks. parity: of the barrier of what is kept; N: see BelowPanels.
 template <int N, class T, int R, bool K>
-__device__ void go_down(const SolveState<T>& s, SolveBench<T, R, K>& b, int a, unsigned& parity) {
+__device__ void go_down(const SolveState<T>& s, SolveBench<T, R, K>& b, int block, unsigned& parity) {
   const Front& f = b.front;
+  const int a = block < 0 ? -1 - block : block;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   keep_block(b, factor, col, end, end);
@@ -177,7 +178,7 @@ __device__ void go_down(const SolveState<T>& s, SolveBench<T, R, K>& b, int a, u
 #pragma unroll 1
   for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
     prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
-  take_forward(s, b, col, cols);
+  take_forward(s, b, col, cols, block >= 0);
   __syncthreads();
   subtract_below(s, b, below, cols, end);
   await_kept(b, parity);

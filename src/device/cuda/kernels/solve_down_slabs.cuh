@@ -140,14 +140,14 @@ __device__ void multiply_columns(const BlockView<T>& a, int row, int row_end, in
   }
 }
 
-/// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding.
+/// v = the forward solution of the block, times D^-1 for ldlt; zero in the padding, and where none has come up.
 template <class T, int C, int R, int W>
-__device__ void take_forward(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int col, int cols) {
+__device__ void take_forward(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int col, int cols, bool came) {
   static_assert(R == kRowBlock);
   const Front& f = b.front;
   T* to = s.inverse_d != nullptr ? b.y : b.v;
   GroupFetch<T, C, R, W> fetch;
-  fetch.locate([&](int r) { return r < cols && col + r < f.pivots ? f.position + col + r : -1; });
+  fetch.locate([&](int r) { return came && r < cols && col + r < f.pivots ? f.position + col + r : -1; });
   fetch.ask(s, b, s.forward);
   fetch.take(s, b, s.forward, 0, to);
   fetch.take(s, b, s.forward, 1, to);
@@ -167,10 +167,11 @@ __device__ void take_forward(const SolveState<T>& s, SlabBench<T, C, R, W>& b, i
   }
 }
 
-/// One row block of pivots.
+/// One row block of pivots, as in a list of tasks.
 template <class T, int C, int R, int W>
-__device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a) {
+__device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int block) {
   const Front& f = b.front;
+  const int a = block < 0 ? -1 - block : block;
   const int col = f.block_begin(a), end = f.block_end(a), cols = end - col;
   const T* factor = s.base[f.region] + (s.down_second ? f.second : f.factor);
   prefetch_block(f, factor, col, end, end);
@@ -178,7 +179,7 @@ __device__ void go_down(const SolveState<T>& s, SlabBench<T, C, R, W>& b, int a)
 #pragma unroll 1
   for (int q = 0; q < cols / kChunk; ++q)  // what waits for the block above
     prefetch(factor + f.chunk_offset(col / kChunk + q, end), (min(end + kRowBlock, f.total_pad) - end) * kChunk);
-  take_forward(s, b, col, cols);
+  take_forward(s, b, col, cols, block >= 0);
   __syncthreads();
   subtract_below(s, b, factor, col, cols, end);
   __syncthreads();

@@ -21,8 +21,9 @@ struct SolveState {
   const SolveTask* down;
   int up_tasks;
   int down_tasks;
-  int small_up;    ///< the first tasks of `up`: sub-trees of small fronts only
-  int small_down;  ///< the last tasks of `down`: likewise
+  int small_up;                ///< the first tasks of `up`: sub-trees of small fronts only
+  int small_down;              ///< the last tasks of `down`: likewise
+  const unsigned char* marks;  ///< fronts; PathMark. Null: all fronts are passed
   const Link* links;
   const std::int32_t* bounds;
   const std::int32_t* relative;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "device/cuda/executor/selected_inverse.hpp"
 #include "device/cuda/out_of_core/launches.hpp"
 #include "device/cuda/out_of_core/layout.hpp"
 #include "device/cuda/out_of_core/part_solve.hpp"
@@ -155,23 +156,42 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
       take(positions_of(other.out_of_core_->groups[k], other.groups_[k]));
   }
 
+  void set_reader(out_of_core::FrontReader* reader) override {
+    if (solve_) solve_->set_reader(reader);
+  }
   void solve(const T* store, bool reachable, T* x, Index columns, bool transpose) override {
-    std::optional<DeviceGuard> guard;
-    if (part_) {
-      guard.emplace(resources_.device());
-      const bool streams = reachable && !out_of_core_->streamed.empty() && resources_.reads_pinned_memory();
-      const auto& part = part_->prepare(streams ? store : nullptr, pivots_.inverse_d(), pivots_.inverse_e());
-      if (streams != shared_streams_) solve_->share(part, &*part_);
-      shared_streams_ = streams;
+    solve_with(store, reachable, [&](const HostFactors<T>& factors) { solve_->run(factors, x, columns, transpose); });
+  }
+  bool solve_on_paths(const T* store, bool reachable, const PathSolve<T>& solve) override {
+    solve_with(store, reachable, [&](const HostFactors<T>& factors) { solve_->run(factors, solve); });
+    return true;
+  }
+
+  bool invert_at(const T* store, const InverseEntries<T>& entries) override {
+    const DeviceGuard guard(resources_.device());
+    const auto& fronts = this->out_of_core_tables().device_plan().fronts;
+    std::vector<Front> separate = fronts;
+    std::vector<InverseSource<T>> sources;
+    const auto* arena = reinterpret_cast<const T*>(resources_.arena());
+    const auto in_arena = [&](Offset at) { return arena + at / static_cast<Offset>(sizeof(T)); };
+    for (std::size_t f = 0; f < fronts.size(); ++f) {
+      separate[f].inverted = fronts[f].width;  // nobody joins inverses out of core
+      const auto at = out_of_core_->resident_at.empty() ? std::array<Offset, 2>{-1, -1} : out_of_core_->resident_at[f];
+      const bool second = kind_ == Kind::lu;
+      if (at[0] >= 0)
+        sources.push_back({in_arena(at[0]), second ? in_arena(at[1]) : nullptr, false});
+      else
+        sources.push_back(
+            {store + out_of_core_->factor_store[f], second ? store + out_of_core_->factor2_store[f] : nullptr, true});
     }
-    try {
-      solve_->run({store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(),
-                   &pivots_.inverse_e()},
-                  x, columns, transpose);
-    } catch (...) {
-      abandon();  // the device's part may be under way, and reads the store
-      throw;
-    }
+    if (part_) part_->forget();  // its tables stand in the same memory
+    const bool ldlt = kind_ == Kind::ldlt;
+    TableUpload uploads(solve_pool_);
+    invert_on_device<T>({this->plan(), kind_, separate, std::move(sources), ldlt ? pivots_.inverse_d().data() : nullptr,
+                         ldlt ? pivots_.inverse_e().data() : nullptr, resources_.stream(Queue::run), nullptr,
+                         idle_space(), uploads, solve_pool_},
+                        entries);
+    return true;
   }
 
   [[nodiscard]] OperationTimes times() const override { return times_; }
@@ -183,6 +203,44 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   [[nodiscard]] Offset peak_bytes() const override { return resources_.arena_bytes(); }
 
  private:
+  // The largest part of the arena that holds nothing between factorizations but tables of a solve.
+  [[nodiscard]] std::span<std::byte> idle_space() const {
+    constexpr Offset kShared = 256, kAligned = 256;
+    std::vector<std::pair<Offset, Offset>> used = {{out_of_core_->shared_at, out_of_core_->shared_at + kShared}};
+    for (const Index f : out_of_core_->resident)
+      for (const Offset at : out_of_core_->resident_at[static_cast<std::size_t>(f)])
+        if (at >= 0) used.emplace_back(at, at + this->front(f).factor_size() * static_cast<Offset>(sizeof(T)));
+    used.emplace_back(resources_.arena_bytes(), resources_.arena_bytes());
+    std::sort(used.begin(), used.end());
+    Offset best = 0, size = 0, end = 0;
+    for (const auto& [from, to] : used) {
+      if (from - end > size) {
+        best = end;
+        size = from - end;
+      }
+      end = std::max(end, (to + kAligned - 1) / kAligned * kAligned);
+    }
+    return {resources_.arena() + best, static_cast<std::size_t>(std::max<Offset>(0, size))};
+  }
+  template <class Run>
+  void solve_with(const T* store, bool reachable, Run&& run) {
+    std::optional<DeviceGuard> guard;
+    if (part_) {
+      guard.emplace(resources_.device());
+      const bool streams = reachable && !out_of_core_->streamed.empty() && resources_.reads_pinned_memory();
+      const auto& part = part_->prepare(streams ? store : nullptr, pivots_.inverse_d(), pivots_.inverse_e());
+      if (streams != shared_streams_) solve_->share(part, &*part_);
+      shared_streams_ = streams;
+    }
+    try {
+      run(HostFactors<T>{store, &out_of_core_->factor_store, &out_of_core_->factor2_store, &pivots_.inverse_d(),
+                         &pivots_.inverse_e()});
+    } catch (...) {
+      abandon();  // the device's part may be under way, and reads the store
+      throw;
+    }
+  }
+
   // Tables of all units, which take more bytes than the matrix: by all threads where there are some.
   void build_tables(const out_of_core::OutOfCorePlan& plan) {
     const auto& tables = this->out_of_core_tables();

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <iterator>
 
 #include "device/block_diagonal.hpp"
 
@@ -113,33 +114,101 @@ void StoreSolve<T>::share(const std::vector<Index>& part, Companion<T>* companio
 }
 
 template <class T>
+void StoreSolve<T>::set_reader(out_of_core::FrontReader* reader) {
+  reader_ = reader;
+  list_fronts(elsewhere_);
+}
+
+// Tiers; of a store on disk, tiers of runs of fronts that fill some memory there, run after run.
+template <class T>
+std::vector<std::size_t> StoreSolve<T>::levels_of(const std::vector<char>& elsewhere) const {
+  std::vector<std::size_t> level(fronts_.size());
+  if (level.empty()) return level;
+  const auto tiers = static_cast<std::size_t>(*std::max_element(plan_.tier.begin(), plan_.tier.end()) + 1);
+  for (std::size_t f = 0; f < level.size(); ++f) level[f] = tiers - 1 - static_cast<std::size_t>(plan_.tier[f]);
+  if (reader_ == nullptr) return level;
+  constexpr Offset kRunElements = Offset{8} << 20;
+  const std::span<const Offset> order = reader_->order();
+  std::vector<std::size_t> list;
+  for (std::size_t f = 0; f < level.size(); ++f)
+    if (elsewhere[f] == 0) list.push_back(f);
+  std::sort(list.begin(), list.end(), [&](std::size_t x, std::size_t y) { return order[x] < order[y]; });
+  for (const std::size_t f : list) level[f] += static_cast<std::size_t>(order[f] / kRunElements) * tiers;
+  return level;
+}
+
+template <class T>
 void StoreSolve<T>::list_fronts(const std::vector<char>& elsewhere) {
-  std::vector<Offset> elements;  // by tier
-  for (Index f = 0; f < plan_.fronts(); ++f) {
-    const auto tier = static_cast<std::size_t>(plan_.tier[f]);
-    elements.resize(std::max(elements.size(), tier + 1), 0);
-    if (elsewhere[f] == 0) elements[tier] += fronts_[f].factor_size();
+  elsewhere_ = elsewhere;
+  std::vector<std::size_t> level = levels_of(elsewhere), used;
+  for (std::size_t f = 0; f < level.size(); ++f)
+    if (elsewhere[f] == 0) used.push_back(level[f]);
+  std::sort(used.begin(), used.end());
+  used.erase(std::unique(used.begin(), used.end()), used.end());
+  std::vector<Offset> elements(used.size(), 0);
+  for (std::size_t f = 0; f < level.size(); ++f) {
+    if (elsewhere[f] != 0) continue;
+    level[f] = static_cast<std::size_t>(std::lower_bound(used.begin(), used.end(), level[f]) - used.begin());
+    elements[level[f]] += fronts_[f].factor_size();
   }
-  small_.assign(elements.size(), {});
-  large_.assign(elements.size(), {});
+  small_.assign(used.size(), {});
+  large_.assign(used.size(), {});
   for (Index f = 0; f < plan_.fronts(); ++f) {
     if (elsewhere[f] != 0) continue;
-    const auto tier = static_cast<std::size_t>(plan_.tier[f]);
-    // Alone, a thread would still be busy with it when the others have done the rest of the tier.
-    const Offset share = std::max(kLargeElements, elements[tier] / (2 * pool_.size()));
-    (fronts_[f].factor_size() > share ? large_ : small_)[tier].push_back(f);
+    const std::size_t at = level[f];
+    // Alone, a thread would still be busy with it when the others have done the rest of the level.
+    const Offset share = std::max(kLargeElements, elements[at] / (2 * pool_.size()));
+    (fronts_[f].factor_size() > share ? large_ : small_)[at].push_back(f);
   }
-  for (auto& tier : small_)
-    std::stable_sort(tier.begin(), tier.end(),
+  for (auto& list : small_)
+    std::stable_sort(list.begin(), list.end(),
                      [&](Index x, Index y) { return fronts_[x].factor_size() > fronts_[y].factor_size(); });
 }
 
 template <class T>
-void StoreSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
+void StoreSolve<T>::choose_way(bool transpose) {
   up_second_ = kind_ == Kind::lu && transpose;
   down_second_ = kind_ == Kind::lu && !transpose;
   transpose_ = transpose;
-  const Index n = plan_.tree.n, most = companion_ != nullptr ? std::min(kMost, companion_->most_columns()) : kMost;
+}
+
+template <class T>
+void StoreSolve<T>::run(const HostFactors<T>& factors, const PathSolve<T>& solve) {
+  choose_way(solve.transpose);
+  struct Whole {
+    const FrontPaths*& paths;
+    ~Whole() { paths = nullptr; }
+  } const whole{paths_};
+  paths_ = &solve.paths;
+  const Index most = most_columns();
+  for (Index c = 0; c < solve.columns; c += most) {
+    const Index now = std::min(most, solve.columns - c);
+    on_paths_.assign(static_cast<std::size_t>(plan_.tree.n) * static_cast<std::size_t>(now), T(0));
+    for (std::size_t k = 0; k < solve.given.size(); ++k)
+      std::copy_n(solve.b + static_cast<Offset>(k) * solve.columns + c, now,
+                  on_paths_.data() + static_cast<Offset>(solve.given[k]) * now);
+    pass(factors, on_paths_.data(), now);
+    for (std::size_t k = 0; k < solve.wanted.size(); ++k)
+      std::copy_n(on_paths_.data() + static_cast<Offset>(solve.wanted[k]) * now, now,
+                  solve.x + static_cast<Offset>(k) * solve.columns + c);
+  }
+}
+
+// What fronts that nothing reaches would leave for those that are passed, and for a companion's.
+template <class T>
+void StoreSolve<T>::clear_updates(const FrontPaths& paths, Index columns) {
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const Index parent = plan_.tree.parent[f];
+    if (parent < 0 || elsewhere_[f] != 0 || paths.up[static_cast<std::size_t>(f)] != 0) continue;
+    if (elsewhere_[parent] == 0 && paths.up[static_cast<std::size_t>(parent)] == 0) continue;
+    std::fill_n(updates_.data() + plan_.tree.row_ptr[f] * columns, Offset{plan_.tree.rows_below(f)} * columns, T(0));
+  }
+}
+
+template <class T>
+void StoreSolve<T>::run(const HostFactors<T>& factors, T* x, Index columns, bool transpose) {
+  choose_way(transpose);
+  const Index n = plan_.tree.n, most = most_columns();
   if (columns <= most) return pass(factors, x, columns);
   std::vector<T> part(static_cast<std::size_t>(n) * most);
   for (Index c = 0; c < columns; c += most) {
@@ -160,25 +229,64 @@ void StoreSolve<T>::pass(const HostFactors<T>& factors, T* x, Index columns) {
   x_ = x;
   const std::size_t size = plan_.tree.rows.size() * static_cast<std::size_t>(columns);
   if (updates_.size() < size) updates_.resize(size);
-  const auto tier = [&](const std::vector<Index>& list, bool up) {
+  if (paths_ != nullptr) clear_updates(*paths_, columns);
+  if (companion_ != nullptr) companion_->start(x, columns, transpose_);
+  way(true, columns);
+  if (companion_ != nullptr) companion_->turn(x, updates_.data(), columns);
+  way(false, columns);
+  if (companion_ != nullptr) companion_->finish(x, columns);
+}
+
+// Large fronts of a level come last on the way up, and first on the way down.
+template <class T>
+void StoreSolve<T>::way(bool up, Index columns) {
+  begin_way(up);
+  const out_of_core::FrontReader::EndOfWay end(reader_);
+  const auto small = [&](const std::vector<Index>& list) {
     std::atomic<std::size_t> next{0};
     pool_.run([&](int worker) {
       Bench& bench = benches_[static_cast<std::size_t>(worker)];
-      for (std::size_t k = next++; k < list.size(); k = next++)
-        up ? forward(list[k], columns, bench, false) : backward(list[k], columns, bench, false);
+      try {
+        for (std::size_t k = next++; k < list.size(); k = next++) take(list[k], up, columns, bench, false);
+      } catch (const out_of_core::GivenUp&) {
+      } catch (...) {
+        if (reader_ != nullptr) reader_->give_up();
+        throw;
+      }
     });
   };
-  if (companion_ != nullptr) companion_->start(x, columns, transpose_);
-  for (std::size_t t = small_.size(); t-- > 0;) {
-    tier(small_[t], true);
-    for (const Index f : large_[t]) forward(f, columns, benches_[0], true);
+  const std::size_t levels = small_.size();
+  for (std::size_t k = 0; k < levels; ++k) {
+    const std::size_t at = up ? k : levels - 1 - k;
+    if (up) small(small_[at]);
+    for (const Index f : large_[at]) take(f, up, columns, benches_[0], true);
+    if (!up) small(small_[at]);
   }
-  if (companion_ != nullptr) companion_->turn(x, updates_.data(), columns);
-  for (std::size_t t = 0; t < small_.size(); ++t) {
-    for (const Index f : large_[t]) backward(f, columns, benches_[0], true);
-    tier(small_[t], false);
+}
+
+template <class T>
+void StoreSolve<T>::take(Index f, bool up, Index columns, Bench& bench, bool all_threads) {
+  if (!passes(f, up)) return;
+  if (reader_ != nullptr) reader_->need(f);
+  up ? forward(f, columns, bench, all_threads) : backward(f, columns, bench, all_threads);
+  if (reader_ != nullptr) reader_->done(f);
+}
+
+template <class T>
+void StoreSolve<T>::begin_way(bool up) {
+  if (reader_ == nullptr) return;
+  std::vector<Index> fronts;
+  const auto add = [&](const std::vector<Index>& list) {
+    std::copy_if(list.begin(), list.end(), std::back_inserter(fronts), [&](Index f) { return passes(f, up); });
+  };
+  const std::size_t levels = small_.size();
+  for (std::size_t k = 0; k < levels; ++k) {
+    const std::size_t at = up ? k : levels - 1 - k;
+    if (up) add(small_[at]);
+    add(large_[at]);
+    if (!up) add(small_[at]);
   }
-  if (companion_ != nullptr) companion_->finish(x, columns);
+  reader_->begin_way(fronts, up ? up_second_ : down_second_);
 }
 
 // use(first panel, end) over ranges of `rows` / 8 panels.

@@ -7,6 +7,8 @@
 
 #include "base/thread_pool.hpp"
 #include "device/cuda/tables/tables.hpp"
+#include "device/executor.hpp"
+#include "out_of_core/front_reader.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::device::cuda {
@@ -45,8 +47,13 @@ class StoreSolve {
   StoreSolve(const plan::Plan& plan, const std::vector<Front>& fronts, Kind kind, base::ThreadPool& pool);
   /// From now on another does some of the fronts; null: nobody. @param part  these fronts
   void share(const std::vector<Index>& part, Companion<T>* companion);
+  /// From now on the store is not all in memory: fronts that stand near one another are taken together, to the same
+  /// sums. The reader outlives this object.
+  void set_reader(out_of_core::FrontReader* reader);
   /// Solves in place: n rows of `columns` values in elimination order.
   void run(const HostFactors<T>& factors, T* x, Index columns, bool transpose);
+  /// Through the fronts on its paths alone, but for those of a companion: the factor of others is not read.
+  void run(const HostFactors<T>& factors, const PathSolve<T>& solve);
 
  private:
   static constexpr Index kMost = 8;  // right-hand sides at one time
@@ -54,7 +61,19 @@ class StoreSolve {
     std::vector<T> v, y;
   };
   void list_fronts(const std::vector<char>& elsewhere);
+  [[nodiscard]] std::vector<std::size_t> levels_of(const std::vector<char>& elsewhere) const;
+  void begin_way(bool up);
+  void way(bool up, Index columns);
+  void take(Index f, bool up, Index columns, Bench& bench, bool all_threads);
   void pass(const HostFactors<T>& factors, T* x, Index columns);
+  void choose_way(bool transpose);
+  void clear_updates(const FrontPaths& paths, Index columns);
+  [[nodiscard]] bool passes(Index f, bool up) const {
+    return paths_ == nullptr || (up ? paths_->up : paths_->down)[static_cast<std::size_t>(f)] != 0;
+  }
+  [[nodiscard]] Index most_columns() const {
+    return companion_ != nullptr ? std::min(kMost, companion_->most_columns()) : kMost;
+  }
   void forward(Index f, Index columns, Bench& bench, bool all_threads);
   void backward(Index f, Index columns, Bench& bench, bool all_threads);
   template <class Use>
@@ -64,12 +83,16 @@ class StoreSolve {
   const std::vector<Front>& fronts_;
   Kind kind_;
   base::ThreadPool& pool_;
-  std::vector<std::vector<Index>> small_, large_;  // by tier
+  std::vector<std::vector<Index>> small_, large_;  // by level: from the leaves to the roots
   std::vector<T> updates_;                         // rows below of all fronts
   std::vector<Bench> benches_;
   HostFactors<T> factors_;
   T* x_ = nullptr;
   Companion<T>* companion_ = nullptr;
+  out_of_core::FrontReader* reader_ = nullptr;  // null: all of the store is in memory
+  std::vector<char> elsewhere_;                 // fronts
+  const FrontPaths* paths_ = nullptr;           // of this run; null: all
+  std::vector<T> on_paths_;                     // n x columns of a pass
   bool up_second_ = false, down_second_ = false, transpose_ = false;
 };
 

@@ -177,10 +177,16 @@ struct FactorTask {
 };
 
 /// One unit of work of a solve: row block `block` of a front going up the tree (-1: all rows of a front that fit into
-/// one), pivot row block `block` coming down.
+/// one), pivot row block `block` coming down (-1 - block where nothing has gone up there: see PathTasks).
 struct SolveTask {
   std::int32_t front = 0;
   std::int32_t block = 0;
+};
+
+/// What a front is to a solve that passes some fronts alone.
+enum PathMark : unsigned char {
+  kPathUp = 1,   ///< entries that are not zero reach it
+  kPathDown = 2  ///< it leads to a wanted unknown
 };
 
 }  // namespace espalier::device::cuda

@@ -172,9 +172,15 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     }
   }
 
+  void set_reader(out_of_core::FrontReader* reader) override { solve_->set_reader(reader); }
   void solve(const T* store, bool, T* x, Index columns, bool transpose) override {
     place_factors(store);
     solve_->run(x, columns, transpose);
+  }
+  bool solve_on_paths(const T* store, bool, const PathSolve<T>& solve) override {
+    place_factors(store);
+    solve_->run(solve);
+    return true;
   }
   bool invert_at(const T* store, const InverseEntries<T>& entries) override {
     place_factors(store);
