@@ -44,8 +44,8 @@ using ComplexTraceResult = TraceResultOf<std::complex<double>>;
 /// of the gradient d log|det A| / dA = A^-T. Of a symmetric matrix it has the diagonal. Of a general one it has the
 /// diagonal where A stores it. Other entries cost a solve for each of their columns.
 ///
-/// A factor of one process on the host: others are refused with status device_error (make the solver with device
-/// "cpu"). Status singular: A has no inverse; the message names a row. accuracy_not_reached: the entries are there, but
+/// A factor of one process, on the host or on one GPU, in core or out of core; those that several GPUs share in core,
+/// and those of ranks, are refused with status device_error. Status singular: A has no inverse; the message names a row. accuracy_not_reached: the entries are there, but
 /// not three digits of them are sure.
 /// @pre solver.state() == factorized, for all below.
 /// @throws std::logic_error without a factor, std::invalid_argument for wrong sizes

@@ -34,9 +34,9 @@ class SelectedInverse:
         compressed rows where A is of columns, and the other way round.
 
         It takes about twice the time of a factorization, by the factor that is there. Entries that are neither there nor on
-        the pattern of the factor cost a solve for each of their columns (rows, where A is of compressed rows). The factor must
-        lie on the host. `last_inverse` tells how accurate the entries are. Warns AccuracyWarning; raises SingularMatrixError
-        where A is singular, DeviceError where its factor lies on a GPU."""
+        the pattern of the factor cost a solve for each of their columns (rows, where A is of compressed rows). The factor may
+        lie on the host or on one GPU. `last_inverse` tells how accurate the entries are. Warns AccuracyWarning; raises
+        SingularMatrixError where A is singular, DeviceError where several GPUs share its factor."""
         import scipy.sparse as sp
 
         self._expect_factor()

@@ -3,8 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
+#include <mutex>
 #include <numeric>
 
 #include "base/scalar.hpp"
@@ -72,7 +74,11 @@ class Columns {
     if (!(correction < before)) return false;  // noise, or no convergence: the error that the last one has left
     for (std::size_t i = 0; i < n_; ++i) x[i] += d[c * n_ + i];
     largest_[c] = magnitude_of(x, n_);
-    const double rate = std::isfinite(before) ? correction / before : 1;
+    // The first correction is as much of the solution as is lost in each step, but for luck.
+    constexpr double kLuck = 10;
+    const double rate = std::isfinite(before) ? correction / before
+                        : largest_[c] > 0     ? std::min(1.0, kLuck * correction / largest_[c])
+                                              : 1;
     error_[c] = largest_[c] > 0 ? std::max(kEps, correction / largest_[c] * rate) : 0;
     before = correction;
     return error_[c] > kEps;
@@ -83,20 +89,49 @@ class Columns {
   std::vector<double> largest_, error_;
 };
 
-// use(q, r, c) for the entries of the prepared matrix in their order; of a symmetric one for those of one triangle.
-template <class Use>
-void for_each_entry(const solver::PreparedMatrix& p, Use&& use) {
-  const bool both = p.a.storage == Storage::symmetric_both;
-  for (Index c = 0; c < p.n(); ++c)
-    for (Offset q = p.a.col_ptr[static_cast<std::size_t>(c)]; q < p.a.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
-      if (const Index r = p.a.row_ind[static_cast<std::size_t>(q)]; !both || r >= c) use(q, r, c);
-}
+constexpr std::int64_t kGrain = 1 << 10, kEntryGrain = 1 << 16;  // columns, entries that a thread takes at a time
+
+// The entries of the prepared matrix, of a symmetric one those of one triangle, numbered by columns.
+class MatrixEntries {
+ public:
+  MatrixEntries(const solver::PreparedMatrix& p, base::ThreadPool& pool)
+      : p_(p), both_(p.a.storage == Storage::symmetric_both) {
+    if (!both_) return;
+    first_.assign(static_cast<std::size_t>(p.n()) + 1, 0);
+    pool.for_each_range(p.n(), kGrain, [&](std::int64_t begin, std::int64_t end) {
+      for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
+        for (Offset q = p_.a.col_ptr[c]; q < p_.a.col_ptr[c + 1]; ++q)
+          if (is_taken(q, static_cast<Index>(c))) ++first_[c + 1];
+    });
+    std::partial_sum(first_.begin(), first_.end(), first_.begin());
+  }
+  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(both_ ? first_.back() : p_.a.nonzeros()); }
+  /// use(number, q, r, c) for those of columns [begin, end).
+  template <class Use>
+  void for_each(std::int64_t begin, std::int64_t end, Use&& use) const {
+    for (auto c = static_cast<Index>(begin); c < static_cast<Index>(end); ++c) {
+      const auto at = static_cast<std::size_t>(c);
+      auto number = static_cast<std::size_t>(both_ ? first_[at] : p_.a.col_ptr[at]);
+      for (Offset q = p_.a.col_ptr[at]; q < p_.a.col_ptr[at + 1]; ++q)
+        if (is_taken(q, c)) use(number++, q, p_.a.row_ind[static_cast<std::size_t>(q)], c);
+    }
+  }
+
+ private:
+  [[nodiscard]] bool is_taken(Offset q, Index c) const {
+    return !both_ || p_.a.row_ind[static_cast<std::size_t>(q)] >= c;
+  }
+  const solver::PreparedMatrix& p_;
+  bool both_;
+  std::vector<Offset> first_;  // of symmetric_both: columns + 1
+};
 
 // The entries of A^-1 that stand in the diagonal of A A^-1, one for each of these.
-Entries entries_of_product(const solver::PreparedMatrix& p) {
-  Entries list;
-  list.reserve(static_cast<std::size_t>(p.a.nonzeros()));
-  for_each_entry(p, [&](Offset, Index r, Index c) { list.add(c, r); });
+Entries entries_of_product(const MatrixEntries& a, Index n, base::ThreadPool& pool) {
+  Entries list(a.size());
+  pool.for_each_range(n, kGrain, [&](std::int64_t begin, std::int64_t end) {
+    a.for_each(begin, end, [&](std::size_t number, Offset, Index r, Index c) { list.set(number, c, r); });
+  });
   return list;
 }
 
@@ -113,22 +148,21 @@ class Inverse {
     find_columns();
     std::vector<Index> sample = columns_;
     if (columns_.size() > static_cast<std::size_t>(kChecked)) {
-      const Entries product = entries_of_product(s_.current().system->prepared);
-      if (product.unknown == wanted_.unknown && product.row == wanted_.row) {
-        by_factor(wanted_, x_);
-        sample = choose_sample(x_);
-      } else {
-        // Both together: what they have in common is made once.
-        Entries all = wanted_;
-        all.unknown.insert(all.unknown.end(), product.unknown.begin(), product.unknown.end());
-        all.row.insert(all.row.end(), product.row.begin(), product.row.end());
+      const MatrixEntries a(s_.current().system->prepared, s_.pool);
+      Entries all = entries_of_product(a, n_, s_.pool);
+      if (all == wanted_) {
+        by_factor(wanted_, x_, 0);
+        sample = choose_sample(a, x_);
+      } else {  // both together: what they have in common is made once
+        const std::size_t product = all.size();
+        all.append(wanted_);
         std::vector<Value> values(all.size());
-        by_factor(all, values);
-        std::copy_n(values.begin(), wanted_.size(), x_.begin());
-        sample = choose_sample(std::span<const Value>(values).subspan(wanted_.size()));
+        by_factor(all, values, product);
+        std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(product), wanted_.size(), x_.begin());
+        sample = choose_sample(a, values);
       }
     } else {
-      by_factor(wanted_, x_);
+      by_factor(wanted_, x_, 0);
     }
     solve_for_others();
     compare(sample);
@@ -155,55 +189,79 @@ class Inverse {
 
   void find_columns() {
     std::vector<char> wanted(static_cast<std::size_t>(n_), 0);
-    for (const Index j : wanted_.row) wanted[static_cast<std::size_t>(j)] = 1;
+    over_entries(wanted_.size(), [&](std::size_t e) {
+      std::atomic_ref<char>(wanted[static_cast<std::size_t>(wanted_.row[e])]).store(1, std::memory_order_relaxed);
+    });
     for (Index j = 0; j < n_; ++j)
       if (wanted[static_cast<std::size_t>(j)] != 0) columns_.push_back(j);
   }
 
-  void by_factor(const Entries& entries, std::span<Value> x) {
+  // use(e) for e < count, by all threads.
+  template <class Use>
+  void over_entries(std::size_t count, Use&& use) const {
+    s_.pool.for_each_range(static_cast<std::int64_t>(count), kEntryGrain, [&](std::int64_t begin, std::int64_t end) {
+      for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e) use(e);
+    });
+  }
+
+  // @param first  of those that are asked for
+  void by_factor(const Entries& entries, std::span<Value> x, std::size_t first) {
     known_.assign(entries.size(), 0);
+    first_ = first;
     if (s_.factor->substitutes()) return;  // the factor is not of the matrix alone
     solver::Numeric& numeric = s_.factor->numeric();
     if (!numeric.invert_at(entries.unknown, entries.row, reinterpret_cast<double*>(x.data()), known_))
       throw Error(
           StatusCode::device_error,
-          fmt::format("entries of the inverse come from factors in the host's memory, this one is elsewhere ({}); "
-                      "make the solver with device cpu",
+          fmt::format("entries of the inverse come from a factor in the host's memory or on one GPU, this one is "
+                      "elsewhere ({}); make the solver with device cpu, or name one GPU",
                       numeric.device_name()));
   }
 
   // Columns j by what row j of A and column j of A^-1 come to: the residual of A A^-1 = I there, which is about eps
   // times |A| |A^-1|, a condition of the row; both show where digits are lost. Those with entries that are asked for
   // alone.
-  std::vector<Index> choose_sample(std::span<const Value> product) {
+  // @param product  values of its entries, the first ones of those of by_factor()
+  std::vector<Index> choose_sample(const MatrixEntries& a, std::span<const Value> product) {
     const solver::PreparedMatrix& p = s_.current().system->prepared;
     const auto* values = reinterpret_cast<const Value*>(s_.factor->values_of_entries().data());
-    const std::size_t n = static_cast<std::size_t>(n_), first = known_.size() - product.size();
-    std::vector<Value> sum(n, Value(-1));
-    std::vector<double> magnitude(n, 1);
+    const auto n = static_cast<std::size_t>(n_);
     const bool symmetric = p.a.storage != Storage::general, hermitian = p.numbers == base::Numbers::hermitian;
-    std::size_t at = 0;
-    for_each_entry(p, [&](Offset q, Index r, Index c) {
-      const std::size_t k = at++;
-      if (known_[first + k] == 0) return;
-      const Value term = values[q] * product[k];
-      const auto add = [&](Index row, Value v) {
-        sum[static_cast<std::size_t>(row)] += v;
-        magnitude[static_cast<std::size_t>(row)] += std::abs(v);
-      };
-      add(r, term);
-      if (symmetric && r != c) add(c, hermitian ? base::conjugate(term) : term);
+    // Parts of the columns have sums of their own, as many as there is little memory for, whatever the threads.
+    const std::size_t parts = std::clamp<std::size_t>((std::size_t{1} << 22) / n, 1, 16);
+    std::vector<Value> sum(n * parts);
+    std::vector<double> magnitude(n * parts);
+    s_.pool.for_each_range(static_cast<std::int64_t>(parts), 1, [&](std::int64_t part, std::int64_t) {
+      Value* s = sum.data() + static_cast<std::size_t>(part) * n;
+      double* m = magnitude.data() + static_cast<std::size_t>(part) * n;
+      const auto count = static_cast<std::int64_t>(parts);
+      a.for_each(n_ * part / count, n_ * (part + 1) / count, [&](std::size_t k, Offset q, Index r, Index c) {
+        if (known_[k] == 0) return;
+        const Value term = values[q] * product[k];
+        const double size = std::abs(term);
+        s[r] += term;
+        m[r] += size;
+        if (!symmetric || r == c) return;
+        s[c] += hermitian ? base::conjugate(term) : term;
+        m[c] += size;
+      });
     });
     std::vector<double> doubt(n);
     for (std::size_t j = 0; j < n; ++j) {
-      doubt[j] = std::max(std::abs(sum[j]), kEps * magnitude[j]);
+      Value residual = Value(-1);
+      double size = 1;
+      for (std::size_t part = 0; part < parts; ++part) {
+        residual += sum[part * n + j];
+        size += magnitude[part * n + j];
+      }
+      doubt[j] = std::max(std::abs(residual), kEps * size);
       if (std::isnan(doubt[j])) doubt[j] = std::numeric_limits<double>::infinity();
     }
     std::vector<Index> order = columns_;
     constexpr Index kWorst = kChecked - 2;
-    std::partial_sort(order.begin(), order.begin() + kWorst, order.end(), [&](Index a, Index b) {
-      const double da = doubt[static_cast<std::size_t>(a)], db = doubt[static_cast<std::size_t>(b)];
-      return da != db ? da > db : a < b;
+    std::partial_sort(order.begin(), order.begin() + kWorst, order.end(), [&](Index i, Index j) {
+      const double di = doubt[static_cast<std::size_t>(i)], dj = doubt[static_cast<std::size_t>(j)];
+      return di != dj ? di > dj : i < j;
     });
     order.resize(kWorst);
     for (const std::size_t part : {std::size_t{1}, std::size_t{2}})
@@ -217,7 +275,7 @@ class Inverse {
   void solve_for_others() {
     std::vector<std::size_t> others;
     for (std::size_t e = 0; e < wanted_.size(); ++e)
-      if (known_[e] == 0) others.push_back(e);
+      if (known_[first_ + e] == 0) others.push_back(e);
     std::stable_sort(others.begin(), others.end(),
                      [&](std::size_t a, std::size_t b) { return wanted_.row[a] < wanted_.row[b]; });
     for (std::size_t at = 0; at < others.size();) {
@@ -234,7 +292,7 @@ class Inverse {
       for (; at < end; ++at) {
         while (rows[c] != wanted_.row[others[at]]) ++c;
         x_[others[at]] = columns.at(c, wanted_.unknown[others[at]]);
-        note(columns, c, others[at]);
+        note(columns, c, others[at], result_.error, result_.entry_error);
       }
       result_.solved += static_cast<Index>(rows.size());
     }
@@ -244,21 +302,29 @@ class Inverse {
     const Columns<Value> columns(s_, sample);
     std::vector<Index> number(static_cast<std::size_t>(n_), -1);
     for (std::size_t c = 0; c < sample.size(); ++c) number[static_cast<std::size_t>(sample[c])] = static_cast<Index>(c);
-    for (std::size_t e = 0; e < wanted_.size(); ++e)
-      if (const Index c = number[static_cast<std::size_t>(wanted_.row[e])]; c >= 0)
-        note(columns, static_cast<std::size_t>(c), e);
+    std::mutex mutex;
+    s_.pool.for_each_range(static_cast<std::int64_t>(wanted_.size()), kEntryGrain,
+                           [&](std::int64_t begin, std::int64_t end) {
+                             double error = 0, entry_error = 0;
+                             for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e)
+                               if (const Index c = number[static_cast<std::size_t>(wanted_.row[e])]; c >= 0)
+                                 note(columns, static_cast<std::size_t>(c), e, error, entry_error);
+                             const std::lock_guard lock(mutex);
+                             result_.error = std::max(result_.error, error);
+                             result_.entry_error = std::max(result_.entry_error, entry_error);
+                           });
     result_.checked = static_cast<Index>(sample.size());
   }
 
   // Entry e beside what a solution says of it.
-  void note(const Columns<Value>& columns, std::size_t c, std::size_t e) {
+  void note(const Columns<Value>& columns, std::size_t c, std::size_t e, double& error, double& entry_error) const {
     const Value truth = columns.at(c, wanted_.unknown[e]);
     const double largest = columns.largest(c), apart = std::abs(x_[e] - truth) + columns.error(c) * largest;
-    const auto raise = [](double& most, double error) {
-      if (!(error <= most)) most = std::isnan(error) ? std::numeric_limits<double>::infinity() : error;
+    const auto raise = [](double& most, double found) {
+      if (!(found <= most)) most = std::isnan(found) ? std::numeric_limits<double>::infinity() : found;
     };
-    raise(result_.error, apart / largest);
-    if (x_[e] != truth) raise(result_.entry_error, std::abs(x_[e] - truth) / std::abs(truth));
+    raise(error, apart / largest);
+    if (x_[e] != truth) raise(entry_error, std::abs(x_[e] - truth) / std::abs(truth));
   }
 
   solver::Session& s_;
@@ -268,6 +334,7 @@ class Inverse {
   Index n_;
   std::vector<Index> columns_;  // with entries that are asked for, ascending
   std::vector<char> known_;     // of the last call of by_factor()
+  std::size_t first_ = 0;       // likewise
 };
 
 }  // namespace

@@ -13,15 +13,18 @@ namespace espalier::inverse {
 /// Entries (unknown, row) of A^-1: x[unknown] of A x = e_row.
 struct Entries {
   std::vector<Index> unknown, row;
-  void reserve(std::size_t count) {
-    unknown.reserve(count);
-    row.reserve(count);
+  Entries() = default;
+  explicit Entries(std::size_t count) : unknown(count), row(count) {}
+  void set(std::size_t q, Index of_unknown, Index of_row) {
+    unknown[q] = of_unknown;
+    row[q] = of_row;
   }
-  void add(Index of_unknown, Index of_row) {
-    unknown.push_back(of_unknown);
-    row.push_back(of_row);
+  void append(const Entries& more) {
+    unknown.insert(unknown.end(), more.unknown.begin(), more.unknown.end());
+    row.insert(row.end(), more.row.begin(), more.row.end());
   }
   [[nodiscard]] std::size_t size() const { return row.size(); }
+  bool operator==(const Entries&) const = default;
 };
 
 /// Value: double or complex<double>, as the numbers of the session's matrix.

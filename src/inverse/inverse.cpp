@@ -46,12 +46,20 @@ void check_pattern(const ViewOf<Value>& a, Index n, const char* what, solver::Se
                 fmt::format("{} has {} rows and {} columns, the factored matrix has {}", what, a.rows, a.cols, n));
 }
 
-// use(i, j, q) for the entries that are stored.
+constexpr std::int64_t kGrain = 1 << 10;  // columns that a thread takes at a time
+
+// use(i, j, q) for the entries that are stored in columns [begin, end).
 template <class View, class Use>
-void for_each_entry(const View& a, Use&& use) {
-  for (Index j = 0; j < a.cols; ++j)
+void for_each_entry(const View& a, Index begin, Index end, Use&& use) {
+  for (Index j = begin; j < end; ++j)
     for (Offset q = a.col_ptr[static_cast<std::size_t>(j)]; q < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++q)
       use(a.row_ind[static_cast<std::size_t>(q)], j, static_cast<std::size_t>(q));
+}
+
+// Of a symmetric matrix both triangles of the inverse are the same.
+bool either_triangle(const solver::Session& s) {
+  const solver::PreparedMatrix& p = s.current().system->prepared;
+  return p.a.storage != Storage::general && p.numbers != base::Numbers::hermitian;
 }
 
 template <class Body>
@@ -74,10 +82,11 @@ InverseResult entries_of(SolverType& solver, const ViewOf<Value>& pattern, std::
     ViewOf<Value> shape = pattern;
     shape.values = {};
     check_pattern<Value>(shape, s.current().n(), "the pattern", s);
-    Entries entries;
-    entries.reserve(x.size());
-    for_each_entry(pattern, [&](Index i, Index j, std::size_t) {
-      transpose == Transpose::no ? entries.add(i, j) : entries.add(j, i);
+    Entries entries(x.size());
+    const bool turned = transpose != Transpose::no || either_triangle(s);
+    s.pool.for_each_range(pattern.cols, kGrain, [&](std::int64_t begin, std::int64_t end) {
+      for_each_entry(pattern, static_cast<Index>(begin), static_cast<Index>(end),
+                     [&](Index i, Index j, std::size_t q) { turned ? entries.set(q, j, i) : entries.set(q, i, j); });
     });
     inverse::invert_entries(s, entries, x, result);
   });
@@ -97,11 +106,11 @@ InverseResult blocks_of(SolverType& solver, const char* call, Index size, std::s
   check_size(call, x.size(), static_cast<std::size_t>(n) * static_cast<std::size_t>(size));
   InverseResult result;
   timed(s, result, [&] {
-    Entries entries;
-    entries.reserve(x.size());
+    Entries entries(x.size());
+    std::size_t at = 0;
     for (Index first = 0; first < n; first += size)
       for (Index c = 0; c < size; ++c)
-        for (Index r = 0; r < size; ++r) entries.add(first + r, first + c);
+        for (Index r = 0; r < size; ++r) entries.set(at++, first + r, first + c);
     inverse::invert_entries(s, entries, x, result);
   });
   return result;
@@ -122,11 +131,13 @@ TraceResultOf<Value> trace_of(SolverType& solver, const ViewOf<Value>& b, Transp
     const bool hermitian = b.storage == Storage::hermitian_lower || b.storage == Storage::hermitian_upper;
     Entries entries;
     std::vector<Value> factors;
+    const bool turned = transpose != Transpose::no && !either_triangle(s);
     const auto add = [&](Index i, Index j, Value v) {
-      transpose == Transpose::no ? entries.add(j, i) : entries.add(i, j);
+      entries.unknown.push_back(turned ? i : j);
+      entries.row.push_back(turned ? j : i);
       factors.push_back(transpose == Transpose::conjugate ? base::conjugate(v) : v);
     };
-    for_each_entry(b, [&](Index i, Index j, std::size_t q) {
+    for_each_entry(b, 0, n, [&](Index i, Index j, std::size_t q) {
       add(i, j, b.values[q]);
       if (one_triangle && i != j) add(j, i, hermitian ? base::conjugate(b.values[q]) : b.values[q]);
     });

@@ -4,6 +4,7 @@
 #include <numeric>
 
 #include "device/host/inverse_front.hpp"
+#include "device/inverse_places.hpp"
 #include "plan/front_cost.hpp"
 
 namespace espalier::device::host {
@@ -11,64 +12,6 @@ namespace espalier::device::host {
 namespace {
 
 using plan::FrontLayout;
-
-// Where entries that are asked for stand: front by front, by rows of the front.
-struct Wanted {
-  struct Place {
-    Index row, col;
-    Offset number;  // of the entry
-  };
-  std::vector<Offset> ptr;  // fronts + 1
-  base::Buffer<Place> places;
-};
-
-// The row of front f at which a position stands; -1: it is none of its rows.
-Index row_of(const plan::Plan& plan, Index f, Index position) {
-  const Index first = plan.tree.first[f], pivots = plan.layout[f].pivots;
-  if (position < first + pivots) return position - first;
-  const Index *begin = plan.rows_below(f), *end = begin + plan.layout[f].below();
-  const Index* at = std::lower_bound(begin, end, position);
-  return at != end && *at == position ? pivots + static_cast<Index>(at - begin) : -1;
-}
-
-template <class T>
-Wanted find_places(const plan::Plan& plan, const InverseEntries<T>& entries, base::ThreadPool& pool,
-                   base::MemoryBudget* budget) {
-  constexpr std::int64_t kGrain = 1 << 14;  // entries a range
-  const auto fronts = static_cast<std::size_t>(plan.fronts());
-  std::vector<Index> front_of(static_cast<std::size_t>(plan.tree.n));
-  for (Index f = 0; f < plan.fronts(); ++f)
-    std::fill(front_of.begin() + plan.tree.first[f], front_of.begin() + plan.tree.first[f + 1], f);
-  const auto count = static_cast<Offset>(entries.row.size());
-  base::Buffer<Index> front(count, budget);
-  pool.for_each_range(count, kGrain, [&](std::int64_t begin, std::int64_t end) {
-    for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e) {
-      const auto [first, last] = std::minmax(entries.row[e], entries.col[e]);
-      const Index f = front_of[static_cast<std::size_t>(first)];
-      const bool known = row_of(plan, f, last) >= 0;
-      entries.known[e] = known ? 1 : 0;
-      front[static_cast<Offset>(e)] = known ? f : -1;
-    }
-  });
-  Wanted wanted;
-  wanted.ptr.assign(fronts + 1, 0);
-  for (Offset e = 0; e < count; ++e)
-    if (front[e] >= 0) ++wanted.ptr[static_cast<std::size_t>(front[e]) + 1];
-  std::partial_sum(wanted.ptr.begin(), wanted.ptr.end(), wanted.ptr.begin());
-  wanted.places = base::Buffer<Wanted::Place>(wanted.ptr.back(), budget);
-  std::vector<Offset> next(wanted.ptr.begin(), wanted.ptr.end() - 1);
-  for (Offset e = 0; e < count; ++e)
-    if (front[e] >= 0) wanted.places[next[static_cast<std::size_t>(front[e])]++].number = e;
-  pool.for_each_range(plan.fronts(), 64, [&](std::int64_t begin, std::int64_t end) {
-    for (auto f = static_cast<std::size_t>(begin); f < static_cast<std::size_t>(end); ++f)
-      for (Offset at = wanted.ptr[f]; at < wanted.ptr[f + 1]; ++at) {
-        Wanted::Place& p = wanted.places[at];
-        p.row = row_of(plan, static_cast<Index>(f), entries.row[static_cast<std::size_t>(p.number)]);
-        p.col = row_of(plan, static_cast<Index>(f), entries.col[static_cast<std::size_t>(p.number)]);
-      }
-  });
-  return wanted;
-}
 
 // What fronts need at most.
 struct Sizes {
@@ -93,7 +36,7 @@ class TreeInverse {
         budget_(budget),
         entries_(entries),
         lu_(state.kind == Kind::lu),
-        wanted_(find_places(plan_, entries, pool, budget)) {}
+        wanted_(find_inverse_places(plan_, entries, pool, budget)) {}
 
   void run() {
     part_tree();
@@ -261,7 +204,7 @@ class TreeInverse {
 
   void hand_out(const FrontInverse<T>& inverse, Offset begin, Offset end) {
     for (Offset at = begin; at < end; ++at) {
-      const Wanted::Place& p = wanted_.places[at];
+      const InversePlaces::Place& p = wanted_.places[at];
       entries_.value[static_cast<std::size_t>(p.number)] = inverse.at(p.row, p.col);
     }
   }
@@ -331,7 +274,7 @@ class TreeInverse {
   base::MemoryBudget* budget_;
   const InverseEntries<T>& entries_;
   bool lu_;
-  Wanted wanted_;
+  InversePlaces wanted_;
   std::vector<char> needed_;  // fronts
   std::vector<Part> parts_;
   Sizes top_, below_;  // of fronts that all threads make; of those in sub-trees
