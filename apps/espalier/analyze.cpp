@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/memory.hpp"
+#include "base/scratch_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
 #include "input.hpp"
@@ -56,7 +57,15 @@ Tiers fill_record(const AnalyzeCommand& command, const Options& options, RunReco
 }
 
 /// A dry run answers "would it fit?": with a budget on the host that is too small it ends like the factorization would.
-Status check_budget(const AnalysisResult& analysis, Offset budget) {
+Status check_budget(const AnalysisResult& analysis, Offset budget, const std::string& scratch) {
+  if (analysis.predicted_disk_bytes > 0) {
+    const Offset free = base::free_disk_bytes(scratch);
+    if (analysis.predicted_disk_bytes <= free) return {};
+    return {StatusCode::out_of_memory,
+            fmt::format("the factorization needs {} in {}, {} are free there; make room, or raise --host-memory",
+                        base::format_bytes(analysis.predicted_disk_bytes), scratch, base::format_bytes(free)),
+            -1};
+  }
   if (budget == 0 || analysis.predicted_bytes <= budget) return {};
   return {StatusCode::out_of_memory,
           fmt::format("the factorization needs {} on the host, --host-memory allows {}",
@@ -83,15 +92,20 @@ int AnalyzeCommand::run() const {
   }
   const Offset budget = options.host_memory_bytes;
   const bool analyzed = record.analysis && record.analysis->status.ok();
-  if (analyzed && dry_run && record.status.ok()) record.status = check_budget(*record.analysis, budget);
+  if (analyzed && dry_run && record.status.ok())
+    record.status = check_budget(*record.analysis, budget, options.scratch);
+  std::optional<base::DiskRates> disk;
+  if (analyzed && dry_run && record.status.ok() && record.analysis->predicted_disk_bytes > 0)
+    disk = base::measure_disk(options.scratch);
   auto report = to_json(record);
   report["tree"] = to_json(tiers);
+  report["disk"] = disk ? disk_forecast(*record.analysis, *disk) : nlohmann::ordered_json(nullptr);
   const std::optional<Error> unwritten = write_report(report_file, report);
   if (json) {
     print_result("{}\n", to_text(report));
   } else if (analyzed && !quiet) {
     print_result("{}", analysis_summary(record, tiers));
-    if (dry_run) print_result("\n{}", forecast_summary(*record.analysis, budget));
+    if (dry_run) print_result("\n{}", forecast_summary(*record.analysis, budget, disk));
   }
   if (!record.status.ok()) print_error(record.status.message);
   if (unwritten) throw Error(*unwritten);

@@ -66,6 +66,8 @@ Json devices_json(const std::vector<DeviceReport>& devices) {
                     {"transferred_bytes", device.transferred_bytes},
                     {"streamed_in_bytes", device.streamed_in_bytes},
                     {"streamed_out_bytes", device.streamed_out_bytes},
+                    {"disk_written_bytes", device.disk_written_bytes},
+                    {"disk_read_bytes", device.disk_read_bytes},
                     {"link_seconds", device.link_seconds},
                     {"predicted_peak_bytes", device.predicted_peak_bytes}});
   }
@@ -139,6 +141,12 @@ Json to_json(const RunRecord& record) {
                       {"peak_host_bytes", record.factor ? Json(record.factor->peak_host_bytes) : Json(nullptr)}};
   report["devices"] = record.factor ? devices_json(record.factor->devices) : Json::array();
   return report;
+}
+
+Json disk_forecast(const AnalysisResult& a, const base::DiskRates& disk) {
+  return {{"bytes", a.predicted_disk_bytes},           {"written_bytes", a.predicted_disk_written_bytes},
+          {"read_bytes", a.predicted_disk_read_bytes}, {"way_read_bytes", a.predicted_way_read_bytes},
+          {"write_bytes_per_second", disk.write},      {"read_bytes_per_second", disk.read}};
 }
 
 Json to_json(const std::vector<Solver::TierRow>& tiers) {

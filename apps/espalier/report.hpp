@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "base/scratch_file.hpp"
 #include "espalier/complex_solver.hpp"
 #include "espalier/solver.hpp"
 
@@ -49,6 +50,9 @@ nlohmann::ordered_json to_json(const RunRecord& record);
 
 /// The report of an analysis with its tree by tier.
 nlohmann::ordered_json to_json(const std::vector<Solver::TierRow>& tiers);
+
+/// What a factorization and a solve would move between memory and a disk of these rates.
+nlohmann::ordered_json disk_forecast(const AnalysisResult& analysis, const base::DiskRates& disk);
 
 /// The report as text, indented.
 std::string to_text(const nlohmann::ordered_json& report);

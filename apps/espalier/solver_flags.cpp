@@ -25,6 +25,7 @@ void SolverFlags::add_to(CLI::App& command) {
   add("pinned-memory", "SIZE",
       "of the host's memory that holds a factor out of core, what may be page-locked (default: half of the "
       "machine's)");
+  add("scratch", "DIR", "folder for what of a factor does not fit in the host's memory (default: none)");
   add("machine", "KEY=VALUE,...",
       "rates by which devices and plans are chosen, for instance gpu.flops=2e13 (`espalier info` lists them)");
   add("threads", "N", "threads on the host (default: all cores)");

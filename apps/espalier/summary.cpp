@@ -127,6 +127,9 @@ Table result_table(const RunRecord& record) {
       line +=
           fmt::format("; {} brought to it and {} taken back, which takes the link {}", bytes(device.streamed_in_bytes),
                       bytes(device.streamed_out_bytes), duration(device.link_seconds));
+    if (device.disk_written_bytes > 0)
+      line += fmt::format("; {} written to disk and {} read", bytes(device.disk_written_bytes),
+                          bytes(device.disk_read_bytes));
     table.add({"device", line});
   }
   if (factor.rank >= 0 && factor.rank < record.rows) table.add({"rank", rank_line(factor, record.rows)});
@@ -175,7 +178,8 @@ std::string analysis_summary(const RunRecord& record, const std::vector<Solver::
          tree.text();
 }
 
-std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes) {
+std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes,
+                             const std::optional<base::DiskRates>& disk) {
   Table table("<<");
   table.add({"work to come", operations(analysis.flops)});
   table.add({"time", fmt::format("about {}", duration(analysis.predicted_seconds))});
@@ -185,6 +189,19 @@ std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes
                           bytes(budget_bytes));
   }
   table.add({"memory", memory});
+  if (disk) {
+    const auto seconds = [](Offset size, double rate) { return static_cast<double>(size) / rate; };
+    const auto& a = analysis;
+    table.add({"disk", fmt::format("{} at most; as measured it takes {} in a second and gives {}",
+                                   bytes(a.predicted_disk_bytes), bytes(static_cast<Offset>(disk->write)),
+                                   bytes(static_cast<Offset>(disk->read)))});
+    table.add({"factorization", fmt::format("{} written and {} read, {} of the disk",
+                                            bytes(a.predicted_disk_written_bytes), bytes(a.predicted_disk_read_bytes),
+                                            duration(seconds(a.predicted_disk_written_bytes, disk->write) +
+                                                     seconds(a.predicted_disk_read_bytes, disk->read)))});
+    table.add({"way of a solve", fmt::format("{} read, {}", bytes(a.predicted_way_read_bytes),
+                                             duration(seconds(a.predicted_way_read_bytes, disk->read)))});
+  }
   return table.text();
 }
 

@@ -2,6 +2,7 @@
 /// The summaries that people read.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,8 @@ std::string solve_summary(const RunRecord& record);
 std::string analysis_summary(const RunRecord& record, const std::vector<Solver::TierRow>& tiers);
 
 /// What the factorization will take, and whether it fits `budget_bytes` (0: no limit is known).
-std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes);
+/// @param disk  rates of the folder to which a part of the factor goes, if any
+std::string forecast_summary(const AnalysisResult& analysis, Offset budget_bytes,
+                             const std::optional<base::DiskRates>& disk);
 
 }  // namespace espalier::cli

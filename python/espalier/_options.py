@@ -14,6 +14,7 @@ class SolverOptions(TypedDict, total=False):
     device_memory: "int | str | list[int | str]"
     host_memory: "int | str"
     pinned_memory: "int | str"
+    scratch: "str | PathLike[str]"
     machine: "str | PathLike[str]"
     threads: int
     max_block_size: int

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <sys/mman.h>
 
+#include <fstream>
 #include <new>
 
 #include "espalier/types.hpp"
@@ -49,6 +50,15 @@ void* allocate_aligned(std::size_t bytes) {
 
 void free_aligned(void* p, std::size_t bytes) noexcept {
   ::operator delete (p, std::align_val_t{bytes >= kHugeFrom ? kHugePage : kAlignment});
+}
+
+std::int64_t available_memory() {
+  std::ifstream file("/proc/meminfo");
+  std::string name, unit;
+  std::int64_t kilobytes = 0;
+  while (file >> name >> kilobytes && std::getline(file, unit))
+    if (name == "MemAvailable:") return kilobytes * 1024;
+  return 0;
 }
 
 std::string format_bytes(std::int64_t bytes) {

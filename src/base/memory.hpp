@@ -117,6 +117,9 @@ class BudgetShare {
   MemoryBudget* budget_ = nullptr;
 };
 
+/// Bytes of the machine's memory that programs can still have; 0: it does not tell.
+std::int64_t available_memory();
+
 /// "1.5 GiB", "640 B": for messages.
 std::string format_bytes(std::int64_t bytes);
 

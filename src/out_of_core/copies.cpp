@@ -47,13 +47,28 @@ void HostExtents::visit(Offset begin, Offset size, base::ThreadPool& pool, Use&&
   });
 }
 
-void HostExtents::copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool) const {
-  visit(begin, size, pool, [&](const std::byte* at, Offset done, std::size_t n) { std::memcpy(to + done, at, n); });
+void HostExtents::copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool, DiskStore* disk) const {
+  visit(begin, size, pool, [&](const std::byte* at, Offset done, std::size_t n) {
+    if (disk == nullptr) {
+      std::memcpy(to + done, at, n);
+      return;
+    }
+    disk->each_piece(at - disk->data(), static_cast<Offset>(n), DiskStore::Access::read,
+                     [&](const std::byte* piece, Offset before, Offset bytes) {
+                       std::memcpy(to + done + before, piece, static_cast<std::size_t>(bytes));
+                     });
+  });
 }
 
-void HostExtents::copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const {
-  visit(begin, size, pool,
-        [&](std::byte* at, Offset done, std::size_t n) { base::copy_past_cache(at, from + done, n); });
+void HostExtents::copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool,
+                            DiskStore* disk) const {
+  visit(begin, size, pool, [&](std::byte* at, Offset done, std::size_t n) {
+    if (disk == nullptr) return base::copy_past_cache(at, from + done, n);
+    disk->each_piece(at - disk->data(), static_cast<Offset>(n), DiskStore::Access::write,
+                     [&](std::byte* piece, Offset before, Offset bytes) {
+                       base::copy_past_cache(piece, from + done + before, static_cast<std::size_t>(bytes));
+                     });
+  });
 }
 
 void EntryRanges::set(const OutOfCoreLayout& layout, const OutOfCorePlan& units, const Operation& op) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
+#include "out_of_core/disk_store.hpp"
 #include "out_of_core/plan.hpp"
 
 namespace espalier::out_of_core {
@@ -29,8 +30,9 @@ class HostExtents {
     return true;
   }
   /// Copies bytes [begin, begin + size) of the extents to `to`, or from `from`, by all threads of the pool.
-  void copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool) const;
-  void copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool) const;
+  /// @param disk  in which the extents are; null: they are in memory
+  void copy_to(std::byte* to, Offset begin, Offset size, base::ThreadPool& pool, DiskStore* disk) const;
+  void copy_from(const std::byte* from, Offset begin, Offset size, base::ThreadPool& pool, DiskStore* disk) const;
 
  private:
   template <class Use>

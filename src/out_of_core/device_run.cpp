@@ -22,6 +22,11 @@ int parts_of(const Operation& op) {
   return op.at[1] >= 0 && (op.type != OperationType::store_factor || op.grouped) ? 2 : 1;
 }
 
+// Operations of several devices have no common numbers: as if all lists took as long.
+Index step_of(const OutOfCorePlan& plan, const Operation* op, Index steps) {
+  return static_cast<Index>((op - plan.ops.data()) * Offset{steps} / static_cast<Offset>(plan.ops.size()));
+}
+
 }  // namespace
 
 template <class T>
@@ -44,7 +49,8 @@ void DeviceRun<T>::prepare(const OutOfCorePlan& plan, const std::vector<OutOfCor
 }
 
 template <class T>
-void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned) {
+void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk) {
+  disk_ = disk;
   values_ = values;
   store_ = store;
   pinned_ = &pinned;
@@ -99,6 +105,42 @@ void DeviceRun<T>::run_all(base::Stage* stage, double share) {
   backend_->finish();
 }
 
+// ---- a store on disk ------------------------------------------------------------------------------------------------
+
+template <class T>
+std::vector<StoreUse> DeviceRun<T>::uses_of(const std::vector<OutOfCorePlan>& plans, const OutOfCoreBackend<T>& backend,
+                                            Index steps) {
+  constexpr auto kSize = static_cast<Offset>(sizeof(T));
+  std::vector<StoreUse> uses;
+  std::vector<Extent> list;
+  for (const OutOfCorePlan& p : plans)
+    for (const Operation& op : p.ops) {
+      const Index step = step_of(p, &op, steps);
+      const bool in = op.queue == Queue::in;
+      if (op.type == OperationType::load_slab) {
+        for (int part = 0; part < parts_of(op); ++part) {
+          list.clear();
+          backend.slab(op.front, op.begin, op.end, op.row, list);
+          for (const Extent& e : list)
+            uses.push_back({step, false, {(op.host[static_cast<std::size_t>(part)] + e.at) * kSize, e.size * kSize}});
+        }
+      } else if (op.type == OperationType::load_contribution || op.type == OperationType::store_contribution ||
+                 op.type == OperationType::store_factor) {
+        for (int part = 0; part < parts_of(op); ++part)
+          uses.push_back({step, !in, {op.host[static_cast<std::size_t>(part)] * kSize, op.bytes / parts_of(op)}});
+      }
+    }
+  std::stable_sort(uses.begin(), uses.end(), [](const StoreUse& x, const StoreUse& y) { return x.step < y.step; });
+  return uses;
+}
+
+template <class T>
+void DeviceRun<T>::tell_disk(Queue queue, const Operation* op) {
+  if (disk_ == nullptr) return;
+  disk_->at_step(2 * static_cast<int>(number_) + (queue == Queue::in ? 0 : 1),
+                 op == nullptr ? DiskStore::kEnd : step_of(*plan_, op, disk_->plan_steps()));
+}
+
 // Makes a queue of copies wait for what computes.
 template <class T>
 template <class Meanwhile>
@@ -135,6 +177,7 @@ void DeviceRun<T>::load_all() {
   for (const Operation* op : loads_) {
     ++number;
     const auto idle = [] { return false; };
+    tell_disk(Queue::in, op);
     wait_for_others(*op, idle);
     wait_for_runs(*op, idle);
     if (const std::int64_t n = waits_for(*op, Queue::out); n > 0) progress_.wait_done(number_, Queue::out, n);
@@ -142,6 +185,7 @@ void DeviceRun<T>::load_all() {
     backend_->mark(Queue::in, number);
     progress_.asked(number_, Queue::in, number);
   }
+  tell_disk(Queue::in, nullptr);
 }
 
 template <class T>
@@ -155,7 +199,7 @@ void DeviceRun<T>::load(const Operation& op, int& slot) {
       continue;
     }
     load_through_ring(to, extents_.bytes(), slot, [&](std::byte* staging, Offset done, Offset now) {
-      extents_.copy_to(staging, done, now, in_crew_);
+      extents_.copy_to(staging, done, now, in_crew_, op.type == OperationType::load_tables ? nullptr : disk_);
     });
   }
 }
@@ -243,6 +287,7 @@ void DeviceRun<T>::store_all() {
   const auto receive_one = [&] { return receive(); };
   for (const Operation* op : stores_) {
     ++number;
+    tell_disk(Queue::out, op);
     wait_for_others(*op, receive_one);
     wait_for_runs(*op, receive_one);
     if (const std::int64_t n = waits_for(*op, Queue::in); n > 0) {
@@ -255,6 +300,7 @@ void DeviceRun<T>::store_all() {
   }
   while (receive()) {
   }
+  tell_disk(Queue::out, nullptr);
 }
 
 template <class T>
@@ -329,7 +375,7 @@ void DeviceRun<T>::empty(const Arrival& a) {
   }
   arrivals_of(*a.op, received_);
   const double start = base::now_seconds();
-  received_.copy_from(from, a.begin, a.size, out_crew_);
+  received_.copy_from(from, a.begin, a.size, out_crew_, disk_);
   out_seconds_ += base::now_seconds() - start;
 }
 

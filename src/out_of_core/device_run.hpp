@@ -27,11 +27,16 @@ class DeviceRun {
   /// Takes the device's memory; `plan` and `peers`, the backends of all devices, must stay.
   void prepare(const OutOfCorePlan& plan, const std::vector<OutOfCoreBackend<T>*>& peers);
   /// @param pinned  of the store
-  void begin(std::span<const T> values, T* store, const PinnedStore& pinned);
+  /// @param disk  the store, where a part of it is on disk; else null
+  void begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk);
   /// @param stage  that of the factorization, in which each operation is a part of `share`; may be null
   void run_all(base::Stage* stage, double share);
   void load_all();
   void store_all();
+
+  /// The uses of a store on disk by these plans, by steps as the devices tell them: so many in all.
+  static std::vector<StoreUse> uses_of(const std::vector<OutOfCorePlan>& plans, const OutOfCoreBackend<T>& backend,
+                                       Index steps);
 
   [[nodiscard]] OutOfCoreBackend<T>& backend() { return *backend_; }
   [[nodiscard]] const OutOfCoreBackend<T>& backend() const { return *backend_; }
@@ -52,6 +57,7 @@ class DeviceRun {
   void wait_for_runs(const Operation& op, Meanwhile&& meanwhile);
   template <class Meanwhile>
   void wait_for_others(const Operation& op, Meanwhile&& meanwhile);
+  void tell_disk(Queue queue, const Operation* op);
   void load(const Operation& op, int& slot);
   void load_values(const Operation& op, int& slot);
   void load_directly(Offset to);
@@ -78,6 +84,7 @@ class DeviceRun {
   std::span<const T> values_;
   T* store_ = nullptr;
   const PinnedStore* pinned_ = nullptr;
+  DiskStore* disk_ = nullptr;
   const std::vector<OutOfCoreBackend<T>*>* peers_ = nullptr;
   EntryRanges gathered_;             // of the copies to the device
   HostExtents extents_;              // likewise

@@ -8,6 +8,7 @@
 
 #include "base/interruption.hpp"
 #include "out_of_core/backend.hpp"
+#include "out_of_core/disk_store.hpp"
 
 namespace espalier::out_of_core {
 
@@ -21,6 +22,9 @@ struct OutOfCoreOptions {
   /// Mean bytes of the extents of a copy from which on it goes without the ring: at 55 GB/s such an extent takes two
   /// microseconds, about as long as asking for it.
   Offset least_direct_bytes = 128 << 10;
+  /// Where the store goes if it is larger than the window, which a budget with a limit may make smaller.
+  DiskOptions disk;
+  Offset left_bytes = 0;  ///< of a budget with a limit, that are left to others
   PlanningRates rates;
   base::ThreadPool* pool = nullptr;            ///< its threads plan; null: the calling one
   base::Interruption* interruption = nullptr;  ///< asked between the operations of the first device; null: nobody is
@@ -38,6 +42,18 @@ std::unique_ptr<device::Executor<T>> make_out_of_core_executor(
 /// Bytes of the host's budget that it takes, with a solution for one right-hand side. @throws BudgetTooSmall
 template <class T>
 Offset host_bytes(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backends, const OutOfCoreOptions& options);
+
+/// What a store on disk would move, by the rules by which it works.
+struct DiskPrediction {
+  Offset file_bytes = 0;  ///< that the file has at most
+  DiskTraffic factorization;
+  Offset way_read_bytes = 0;  ///< of one way of a solve
+};
+/// @param options  disk.window_bytes: what host_bytes() without the store and the window take together
+/// @throws BudgetTooSmall, WindowTooSmall
+template <class T>
+DiskPrediction predict_disk(const std::vector<std::unique_ptr<OutOfCoreBackend<T>>>& backends,
+                            const OutOfCoreOptions& options);
 
 /// One device.
 template <class T>

@@ -201,6 +201,16 @@ class BudgetTooSmall : public Error {
   Offset needed_;
 };
 
+/// What a factor on disk needs of the host's memory is not there.
+class WindowTooSmall : public Error {
+ public:
+  WindowTooSmall(const std::string& what, Offset missing) : Error(StatusCode::out_of_memory, what), missing_(missing) {}
+  [[nodiscard]] Offset missing() const { return missing_; }  ///< bytes
+
+ private:
+  Offset missing_;
+};
+
 /// The best plans that it finds for the budgets, one for each device; the store's places are the same in all.
 /// @param pool  its threads prepare the steps of each candidate; null: the calling thread. The plans do not depend on
 /// it

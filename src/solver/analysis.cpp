@@ -117,6 +117,24 @@ namespace {
 
 // For tests and measurements: real forms on backends that have complex numbers. Of ranks all wish the same.
 bool real_form_is_wished() {
+// What does not fit in the host's budget goes to the disk, if there is one.
+void predict_disk(const Analysis& a, const Context& context, AnalysisResult& r) {
+  const Offset limit = context.budget.limit();
+  if (context.options.scratch.empty() || limit <= 0 || r.predicted_bytes <= limit) return;
+  try {
+    const Offset others = r.predicted_bytes - predicted_executor_bytes(a, context);
+    const DiskForecast disk = predict_disk(a, context, limit - others);
+    if (disk.file_bytes == 0) return;
+    r.predicted_bytes = limit;
+    r.predicted_disk_bytes = disk.file_bytes;
+    r.predicted_disk_written_bytes = disk.written_bytes;
+    r.predicted_disk_read_bytes = disk.read_bytes;
+    r.predicted_way_read_bytes = disk.way_read_bytes;
+  } catch (const Error& e) {  // the factorization says so, too
+    context.log(e.what());
+  }
+}
+
   const char* text = std::getenv("ESPALIER_COMPLEX_FORM");
   const std::string_view form = text == nullptr ? "auto" : text;
   if (form != "auto" && form != "real")
@@ -128,6 +146,7 @@ bool real_form_is_wished() {
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
 void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
   if (system.numbers() == base::Numbers::real) return;
+  predict_disk(a, context, r);
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
@@ -285,10 +304,8 @@ Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, c
 }
 
 Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const Context& context) {
-  const double start = base::now_seconds();
   check_matrix(given, context.pool);
   GivenMatrix a = given;
-  SavedAnalysis saved = read_analysis(path, pattern_hash(a.a, context.pool));
   const Kind wish = context.options.kind;
   if (wish != Kind::automatic && wish != saved.kind)
     throw Error(StatusCode::invalid_input, fmt::format("{}: the saved analysis is for {}, but {} was asked for", path,
@@ -306,6 +323,11 @@ Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const 
   note_determinant(p);
   draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   check_tree(path, draft.system, saved.tree, context);
+  return analysis_from(path, read_analysis(path, pattern_hash(given.a, context.pool)), given, context);
+}
+
+Analyzed analysis_from(const std::string& path, SavedAnalysis saved, const GivenMatrix& given, const Context& context) {
+  const double start = base::now_seconds();
   give_values_away(draft);
   return finish({std::move(draft), std::move(saved.tree), start}, start, context);
 }

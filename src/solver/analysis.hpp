@@ -15,6 +15,8 @@
 
 namespace espalier::solver {
 
+struct SavedAnalysis;
+
 /// The part that does not depend on where pivots are eliminated.
 struct System {
   Kind kind = Kind::automatic;
@@ -91,6 +93,8 @@ Analyzed analyze(const GivenMatrix& a, const Context& context, std::shared_ptr<c
 /// From a file of write_analysis().
 Analyzed load_analysis(const std::string& path, const GivenMatrix& a, const Context& context);
 /// The same system for ldlt, with these values; the caller's values still go where they went.
+/// The same with what was read, of a matrix that was checked. @param path  for messages
+Analyzed analysis_from(const std::string& path, SavedAnalysis saved, const GivenMatrix& given, const Context& context);
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context);
 
 /// What changes when a plan is laid out anew: pivots were moved, or other devices take over.

@@ -123,37 +123,6 @@ bool is_permutation(const std::vector<Index>& p, std::size_t n) {
   return p.size() == n;
 }
 
-// The file passed its checksum; this guards against files made by something else. The tree is checked beside the
-// matrix, by analysis::verify_tree().
-void check(const SavedAnalysis& s, const Reader& file) {
-  const auto n = static_cast<std::size_t>(std::max<Index>(s.tree.n, 0));
-  const auto require = [&](bool condition, const char* what) {
-    if (!condition) file.fail(std::string("the file is not a valid analysis: ") + what);
-  };
-  require(s.tree.n >= 0 && s.tree.parent.size() <= n, "its sizes do not fit each other");
-  const auto positive = [](double x) { return x > 0 && x < std::numeric_limits<double>::infinity(); };
-  for (const auto* scale : {&s.row_scale, &s.col_scale})
-    require((scale->empty() || scale->size() == n) && std::all_of(scale->begin(), scale->end(), positive),
-            "the scaling is not n positive numbers");
-  require(is_permutation(s.row_of_col, n), "the matching is no permutation of the rows");
-  require(s.row_scale.size() == s.col_scale.size(), "rows are scaled, columns are not, or the other way round");
-  require(s.kind == Kind::lu || (s.row_of_col.empty() && s.row_scale == s.col_scale),
-          "rows and columns of a symmetric factorization must go together");
-}
-
-/// use(array) for every array of an analysis, in the order of the file.
-template <class Analysis, class Use>
-void each_array(Analysis& s, Use&& use) {
-  use(s.tree.order);
-  use(s.tree.first);
-  use(s.tree.parent);
-  use(s.tree.row_ptr);
-  use(s.tree.rows);
-  use(s.row_scale);
-  use(s.col_scale);
-  use(s.row_of_col);
-}
-
 /// Hashes of ranges, hashed in their turn: the same for any number of threads.
 template <class T>
 void add_ranges(Fnv& h, std::span<const T> words, base::ThreadPool& pool) {
@@ -169,6 +138,22 @@ void add_ranges(Fnv& h, std::span<const T> words, base::ThreadPool& pool) {
 }
 
 }  // namespace
+
+// The file passed its checksum; this guards against files made by something else. The tree is checked beside the
+// matrix, by analysis::verify_tree().
+std::string wrong_with(const SavedAnalysis& s) {
+  const auto n = static_cast<std::size_t>(std::max<Index>(s.tree.n, 0));
+  if (s.tree.n < 0 || s.tree.parent.size() > n) return "its sizes do not fit each other";
+  const auto positive = [](double x) { return x > 0 && x < std::numeric_limits<double>::infinity(); };
+  for (const auto* scale : {&s.row_scale, &s.col_scale})
+    if (!(scale->empty() || scale->size() == n) || !std::all_of(scale->begin(), scale->end(), positive))
+      return "the scaling is not n positive numbers";
+  if (!is_permutation(s.row_of_col, n)) return "the matching is no permutation of the rows";
+  if (s.row_scale.size() != s.col_scale.size()) return "rows are scaled, columns are not, or the other way round";
+  if (s.kind != Kind::lu && !(s.row_of_col.empty() && s.row_scale == s.col_scale))
+    return "rows and columns of a symmetric factorization must go together";
+  return {};
+}
 
 std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool) {
   Fnv h;
@@ -203,7 +188,7 @@ SavedAnalysis read_analysis(const std::string& path, std::uint64_t hash) {
   s.tree.n = r.value<Index>();
   each_array(s, [&](auto& list) { r.array(list); });
   r.finish();
-  check(s, r);
+  if (const std::string wrong = wrong_with(s); !wrong.empty()) r.fail("the file is not a valid analysis: " + wrong);
   return s;
 }
 

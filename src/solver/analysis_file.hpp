@@ -17,6 +17,22 @@ struct SavedAnalysis {
   std::vector<Index> row_of_col;
 };
 
+/// use(array) for every array of an analysis, in the order of files.
+template <class Analysis, class Use>
+void each_array(Analysis& s, Use&& use) {
+  use(s.tree.order);
+  use(s.tree.first);
+  use(s.tree.parent);
+  use(s.tree.row_ptr);
+  use(s.tree.rows);
+  use(s.row_scale);
+  use(s.col_scale);
+  use(s.row_of_col);
+}
+
+/// Of one that was read: what is wrong with its scaling and matching, and with sizes of its tree; empty: nothing.
+std::string wrong_with(const SavedAnalysis& saved);
+
 /// A number that differs for different patterns (FNV-1a over sizes, pointers and indices).
 std::uint64_t pattern_hash(const MatrixView& a, base::ThreadPool& pool);
 

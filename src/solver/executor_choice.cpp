@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 #include "out_of_core/executor.hpp"
@@ -46,6 +47,60 @@ std::vector<Offset> device_bytes(const Backend& backend, const Job& job, Offset 
   return list;
 }
 
+template <class T>
+Offset in_core_bytes(const Job& job) {
+  return job.plan.memory.size * static_cast<Offset>(sizeof(T));
+}
+
+// Of what an executor takes on the host.
+template <class T>
+Offset bytes_beside_arena(const Backend& backend, const Job& job) {
+  const int threads = job.pool.size();
+  const Precision precision = sizeof(base::RealOf<T>) == sizeof(double) ? Precision::fp64 : Precision::fp32;
+  const Offset all = base::ScalarTraits<T>::is_complex
+                         ? backend.complex_executor_bytes(job.plan, job.kind, precision, threads)
+                         : backend.executor_bytes(job.plan, job.kind, precision, threads);
+  return std::max<Offset>(0, all - in_core_bytes<T>(job));
+}
+
+// What is taken when there is an executor: values, as the caller gave them and scaled, and vectors of a solve.
+template <class T>
+Offset bytes_of_solve(const Job& job) {
+  constexpr Offset kVectors = 8, kValues = 2, kMore = 1 << 20;
+  return (kVectors * job.plan.tree.n + kValues * static_cast<Offset>(job.plan.entries.size())) *
+             static_cast<Offset>(sizeof(T)) +
+         kMore;
+}
+
+// Host devices whose factor goes to the disk share what the budget leaves with the store's window: it must hold the
+// largest front, and three tenths of the rest keep it from waiting for the disk.
+template <class T>
+std::vector<Offset> arenas_beside_disk(const DeviceChoice& device, const Job& job, Offset left) {
+  const auto size = static_cast<Offset>(sizeof(T));
+  Offset largest = 0;
+  for (Index f = 0; f < job.plan.fronts(); ++f) largest = std::max(largest, job.plan.layout[f].factor_size() * size);
+  const Offset others = bytes_beside_arena<T>(*device.backend, job) + bytes_of_solve<T>(job);
+  const auto rest = static_cast<double>(std::max<Offset>(0, left - others));
+  constexpr double kWindow = 0.3, kRing = 0.1;  // of the arena: see slot_bytes_beside_disk()
+  const double window = std::max(kWindow * rest, 1.15 * static_cast<double>(largest) + 0.02 * rest);
+  const auto arena = static_cast<Offset>(std::max(0.0, rest - window) / (1 + kRing));
+  const Offset each = std::max<Offset>(1, arena / device.devices());
+  std::vector<Offset> list = job.memory_bytes;
+  for (Offset& bytes : list) bytes = bytes > 0 ? std::min(bytes, each) : each;
+  return list;
+}
+
+Offset slot_bytes_beside_disk(Offset arena) {
+  constexpr Offset kMost = 8 << 20, kLeast = 16 << 10, kPage = 4096, kSlots = 128;
+  return std::clamp(arena / kSlots / kPage * kPage, kLeast, kMost);
+}
+
+// By what plans are made that keep to the disk's rate. Nominal, since the same plan is to be made again: 1 GB/s.
+void plan_for_disk(out_of_core::PlanningRates& rates) {
+  constexpr double kRate = 1e9;
+  rates.bytes_in = rates.bytes_out = rates.host_bytes = rates.host_solve = kRate;
+}
+
 out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, const Job& job,
                                                   const std::vector<Offset>& bytes, const Context& context) {
   out_of_core::OutOfCoreOptions o;
@@ -63,9 +118,38 @@ out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, co
   return o;
 }
 
+// What a store on disk takes of the host's memory, and host devices beside it.
 template <class T>
-Offset in_core_bytes(const Job& job) {
-  return job.plan.memory.size * static_cast<Offset>(sizeof(T));
+void use_disk(const DeviceChoice& device, const Job& job, const Context& context, out_of_core::OutOfCoreOptions& o) {
+  const bool on_host = !device.backend->limits().own_memory;
+  o.disk.folder = context.options.scratch;
+  o.disk.window_bytes = std::numeric_limits<Offset>::max();
+  o.left_bytes = bytes_of_solve<T>(job);
+  if (!on_host) return;
+  Offset least = o.devices.front().budget_bytes;
+  for (const out_of_core::OutOfCoreDevice& d : o.devices) least = std::min(least, d.budget_bytes);
+  o.slot_bytes = slot_bytes_beside_disk(least);
+  plan_for_disk(o.rates);
+}
+
+// On host devices whose budget does not take the factor.
+template <class T>
+std::unique_ptr<device::Executor<T>> make_on_disk(const DeviceChoice& device, const Job& job, const Context& context) {
+  const Offset left = context.budget.limit() - context.budget.held();
+  const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, left);
+  auto options = out_of_core_options(device, job, bytes, context);
+  use_disk<T>(device, job, context, options);
+  try {
+    return out_of_core::make_out_of_core_executor<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()),
+                                                     options, job.budget);
+  } catch (const out_of_core::BudgetTooSmall& e) {
+    const Offset more = e.needed() - *std::min_element(bytes.begin(), bytes.end());
+    throw Error(StatusCode::out_of_memory,
+                fmt::format("the budget of {} on the host is too small for a factor on disk; one of {} would do "
+                            "(--host-memory)",
+                            base::format_bytes(context.budget.limit()),
+                            base::format_bytes(context.budget.limit() + 2 * more * device.devices())));
+  }
 }
 
 // When others take memory of a device in between, with less of it.
@@ -73,12 +157,16 @@ template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device, const Job& job,
                                                       const Context& context) {
   const Backend& backend = *device.backend;
+  const bool scratch = !context.options.scratch.empty();
+  if (scratch && !backend.limits().own_memory && context.budget.limit() > 0)
+    return make_on_disk<T>(device, job, context);
   const int attempts = backend.limits().own_memory ? 4 : 1;
   const Offset need = in_core_bytes<T>(job);
   for (int attempt = 0;; ++attempt) {
     const std::vector<Offset> bytes = device_bytes(backend, job, need, attempt);
     try {
       auto options = out_of_core_options(device, job, bytes, context);
+      if (scratch) use_disk<T>(device, job, context, options);
       return out_of_core::make_out_of_core_executor<T>(backend.out_of_core()->make(job, device::Scalar<T>()), options,
                                                        job.budget);
     } catch (const out_of_core::AllocationRefused&) {
@@ -126,6 +214,17 @@ Job job_of(const Analysis& analysis, const device::PivotRule& rule, const Contex
 }
 
 template <class T>
+DiskForecast disk_forecast(const DeviceChoice& device, const Job& job, Offset left, const Context& context) {
+  const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, left);
+  auto options = out_of_core_options(device, job, bytes, context);
+  use_disk<T>(device, job, context, options);
+  options.disk.window_bytes = left - options.left_bytes;
+  const out_of_core::DiskPrediction p =
+      out_of_core::predict_disk<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()), options);
+  return {p.file_bytes, p.factorization.written_bytes, p.factorization.read_bytes, p.way_read_bytes};
+}
+
+template <class T>
 Offset out_of_core_bytes(const DeviceChoice& device, const Job& job, const Context& context) {
   const std::vector<Offset> bytes = device_bytes(*device.backend, job, in_core_bytes<T>(job), 0);
   const out_of_core::OutOfCoreOptions o = out_of_core_options(device, job, bytes, context);
@@ -160,6 +259,21 @@ Offset predicted_executor_bytes(const Analysis& analysis, const Context& context
   }
 }
 
+DiskForecast predict_disk(const Analysis& analysis, const Context& context, Offset left_bytes) {
+  const Backend& backend = *analysis.device.backend;
+  if (backend.limits().own_memory || backend.out_of_core() == nullptr || analysis.plan.tree.border > 0 ||
+      context.link != nullptr)
+    return {};
+  const Job job = job_of(analysis, {}, context);
+  const bool fp64 = context.precision() == Precision::fp64;
+  const auto of = [&]<class T>(device::Scalar<T>) {
+    return disk_forecast<T>(analysis.device, job, left_bytes, context);
+  };
+  if (analysis.system->complex_factor())
+    return fp64 ? of(device::Scalar<std::complex<double>>()) : of(device::Scalar<std::complex<float>>());
+  return fp64 ? of(device::Scalar<double>()) : of(device::Scalar<float>());
+}
+
 template <class T>
 std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, const device::PivotRule& rule,
                                                    const Context& context) {
@@ -172,7 +286,8 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
     if (analysis.plan.tree.border > 0) throw;  // out of core, what is left for it is not kept
-    if (backend.out_of_core() == nullptr || (!backend.limits().own_memory && !budgeted)) throw;
+    const bool fallback = backend.limits().own_memory || budgeted || !context.options.scratch.empty();
+    if (backend.out_of_core() == nullptr || !fallback) throw;
   }
   const DeviceChoice& device = analysis.device;
   if (!device.one_a_rank) return make_out_of_core<T>(device, job, context);

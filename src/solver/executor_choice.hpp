@@ -21,4 +21,14 @@ std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, con
 /// core to know it.
 Offset predicted_executor_bytes(const Analysis& analysis, const Context& context);
 
+/// What of a factor would go to Options::scratch.
+struct DiskForecast {
+  Offset file_bytes = 0;                     ///< at most; 0: all of it fits in memory
+  Offset written_bytes = 0, read_bytes = 0;  ///< by a factorization
+  Offset way_read_bytes = 0;                 ///< by one way of a solve
+};
+/// Of host devices whose budget leaves so much for the factor; others tell nothing.
+/// @throws Error(out_of_memory) as make_executor() would
+DiskForecast predict_disk(const Analysis& analysis, const Context& context, Offset left_bytes);
+
 }  // namespace espalier::solver

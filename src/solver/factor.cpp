@@ -81,6 +81,15 @@ void Factor::factorize(std::span<const double> values) {
   const double start = base::now_seconds();
   begin();
   values_.load(*analysis_->system, values, numeric_->device_system(), context_.pool);
+  if (values_.changed()) numeric_->expect_changes(*values_.changed());
+  finish(settle_pivots(), start);
+}
+
+void Factor::restore(std::span<const double> values, std::uint64_t layout, device::ArrayVisit source) {
+  const double start = base::now_seconds();
+  begin();
+  values_.load(*analysis_->system, values, numeric_->device_system(), context_.pool);
+  if (layout != 0 && layout == numeric_->arrays_layout()) numeric_->restore_next(std::move(source));
   finish(settle_pivots(), start);
 }
 
@@ -248,7 +257,7 @@ void Factor::charge_analysis() {
   context_.budget.give_back(std::exchange(charged_, 0));
   const std::vector<Offset> budgets = budgets_of(analysis_->device, context_.options);
   const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
-  const bool in_core = !analysis_->device.backend->limits().own_memory && !budgeted;
+  const bool in_core = !analysis_->device.backend->limits().own_memory && !budgeted && context_.options.scratch.empty();
   const Offset limit = context_.budget.limit();
   const Offset needed = in_core ? predicted_host_bytes(*analysis_, context_) : analysis_->bytes();
   if (limit > 0 && needed > limit)

@@ -22,7 +22,9 @@ DeviceReport device_report(device::DeviceWork w, double seconds) {
           w.out_of_core.bytes_out,
           w.out_of_core.link_seconds,
           w.out_of_core.predicted_bytes,
-          w.transferred_bytes};
+          w.transferred_bytes,
+          w.out_of_core.disk_written_bytes,
+          w.out_of_core.disk_read_bytes};
 }
 
 std::vector<DeviceReport> device_reports(const Numeric& numeric, const device::FactorOutcome& outcome) {

@@ -36,6 +36,16 @@ class Numeric {
   /// Factors the solver's values, which must have been sent to device_system() where there are some. Pivots below
   /// the smallest pivot times the largest scaled entry are replaced.
   virtual device::FactorOutcome factorize() = 0;
+  /// Whether a factorization can make some fronts again and keep the others.
+  [[nodiscard]] virtual bool keeps_fronts() const = 0;
+  /// The values of the next factorize(), as doubles, differ from those of the last one at these places alone, which
+  /// ascend.
+  virtual void expect_changes(std::span<const Offset> places) = 0;
+  /// See Executor::arrays_layout() and visit_arrays(); a number of the scalar goes into the layout.
+  [[nodiscard]] virtual std::uint64_t arrays_layout() const = 0;
+  virtual void visit_arrays(const device::ArrayVisit& visit) = 0;
+  /// The next factorize() restores a factor (Executor::restore()).
+  virtual void restore_next(device::ArrayVisit visit) = 0;
   /// See Executor::halt_at_failures().
   virtual void halt_at_failures(bool halt) = 0;
   /// Goes on with an analysis in which pivots have moved, which takes the place of the one before. @returns false where

@@ -111,7 +111,7 @@ constexpr std::array<std::pair<std::string_view, SingularMatrix>, 3> kSingular{
 constexpr std::array<std::pair<std::string_view, Rescale>, 3> kRescale{
     {{"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}}};
 
-constexpr std::array<OptionText, 21> kOptions{{
+constexpr std::array<OptionText, 22> kOptions{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
     {"precision",
      [](Options& o, std::string_view k, std::string_view v) { o.precision = parse_name(k, v, kPrecisions); }},
@@ -121,6 +121,7 @@ constexpr std::array<OptionText, 21> kOptions{{
      [](Options& o, std::string_view k, std::string_view v) { o.host_memory_bytes = parse_budget(k, v); }},
     {"pinned_memory",
      [](Options& o, std::string_view k, std::string_view v) { o.pinned_memory_bytes = parse_budget(k, v); }},
+    {"scratch", [](Options& o, std::string_view, std::string_view v) { o.scratch = v; }},
     {"machine", set_machine},
     {"threads",
      [](Options& o, std::string_view k, std::string_view v) {

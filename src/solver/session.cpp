@@ -14,6 +14,8 @@
 #include "base/beside.hpp"
 #include "base/forks.hpp"
 #include "base/stage.hpp"
+#include "solver/analysis_draft.hpp"
+#include "solver/analysis_file.hpp"
 #include "solver/device_text.hpp"
 #include "solver/option_check.hpp"
 
@@ -37,6 +39,12 @@ base::Interruption::Clock::duration period_of(const Options& o) {
   return std::chrono::duration_cast<base::Interruption::Clock::duration>(seconds);
 }
 
+// With a folder for what does not fit, something has to say what fits.
+Offset host_budget(const Options& o) {
+  if (o.host_memory_bytes > 0 || o.scratch.empty()) return o.host_memory_bytes;
+  return base::available_memory() / 10 * 9;
+}
+
 std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
   return o.record_timeline ? std::make_unique<base::Timeline>() : nullptr;
 }
@@ -57,7 +65,7 @@ Session::Session(const Ranks& the_ranks, Options the_options, const device::Regi
       options(std::move(the_options)),
       interruption(base::telling(options.interrupted), period_of(options)),
       pool(threads_of(options, link()), &interruption),
-      budget("host memory", options.host_memory_bytes),
+      budget("host memory", host_budget(options)),
       timeline(timeline_of(options)),
       planning_threads(pool.size()),
       context{options, registry, pool, budget, timeline.get(), link(), &planning_threads} {}
@@ -67,7 +75,7 @@ Session::Session(const Session& other, int threads)
       options(other.options),
       interruption(base::telling(options.interrupted), period_of(options)),
       pool(threads > 0 ? threads : other.pool.size(), &interruption),
-      budget("host memory", options.host_memory_bytes),
+      budget("host memory", host_budget(options)),
       timeline(timeline_of(options)),
       planning_threads(pool.size()),
       context{options, other.context.registry, pool, budget, timeline.get(), link(), &planning_threads},
@@ -177,6 +185,11 @@ void Session::take(Analyzed made) {
 // A driver's start and the contexts take as long as an analysis.
 void Session::open_devices() {
   if (opening.valid()) return;
+void Session::take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a) {
+  open_devices();
+  take(analysis_from(path, std::move(saved), a, context));
+}
+
   auto named = named_devices(options.device, context.registry);
   if (!named || !named->backend->limits().own_memory) return;
   if (link() != nullptr) named->numbers = {*own_device(options, context.registry, *link())};

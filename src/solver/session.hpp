@@ -36,6 +36,8 @@ class Session {
   void analyze(const GivenMatrix& a, std::shared_ptr<const Border> border = nullptr);
   void load_analysis(const std::string& path, const GivenMatrix& a);
   /// From the analysis that is there, where little has changed. @pre factor
+  /// The same with what was read from a file, in a session that has done nothing yet.
+  void take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a);
   ChangeResult analyze_change(const MatrixView& a);
   /// The same of what the caller gives: with ranks, of rank 0's matrix.
   void analyze_given(const GivenMatrix& a);
