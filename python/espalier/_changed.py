@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, repr=False)
 class ChangeCost(_Table):
     """Of changes around a factor. `changes`: operations of their columns, and of products with them, since the last factorization of the
-    changed matrix; `factorization`: those that one takes, 50 for each entry of a factor that a solve reads, and 4 more a column; `columns`:
+    changed matrix; `factorization`: those that one takes, 120 for each entry of a factor that a solve reads, and 10 more a column; `columns`:
     that went through the factor since then; `factorizations`: since the last reset(); seconds as measured."""
 
     changes: float

@@ -37,6 +37,7 @@ double ChangedMatrix::coupling(Index row, Index column) const {
 }
 
 void ChangedMatrix::add(Item item) {
+  plain_ = plain_ && unknowns() == entities();
   entity_of_.push_back(entities());
   add_auxiliary(std::move(item));
 }
@@ -48,6 +49,7 @@ void ChangedMatrix::add_auxiliary(Item item) {
 }
 
 void ChangedMatrix::replace(Index unknown, Item item) {
+  plain_ = false;
   set_alive(unknown, false);
   entity_of_[espalier::at(unknown)] = entities();
   add_auxiliary(std::move(item));

@@ -47,6 +47,8 @@ class ChangedMatrix {
   /// Unknowns of the caller: n, and those that were added.
   [[nodiscard]] Index unknowns() const { return static_cast<Index>(entity_of_.size()); }
   [[nodiscard]] Index entity_of(Index unknown) const { return entity_of_[static_cast<std::size_t>(unknown)]; }
+  /// Whether each unknown's entity has its number.
+  [[nodiscard]] bool plain() const { return plain_; }
   [[nodiscard]] bool alive(Index entity) const { return alive_[static_cast<std::size_t>(entity)] != 0; }
   [[nodiscard]] bool auxiliary(Index entity) const { return entity >= n_ && item(entity).auxiliary; }
   /// Alive, and an unknown of the caller.
@@ -74,6 +76,7 @@ class ChangedMatrix {
   std::vector<char> alive_;       // by entity
   std::vector<Index> entity_of_;  // by unknown
   std::vector<Index> touched_;
+  bool plain_ = true;
 };
 
 }  // namespace espalier::changes

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <stdexcept>
 #include <utility>
@@ -384,8 +385,17 @@ ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<dou
       if (const auto row = static_cast<Index>(k % at(size())); !std::isfinite(b[k]) && !m.is_removed(row))
         throw Error(StatusCode::invalid_input, fmt::format("row {} of a right-hand side is {}", row, b[k]), row);
     m.system->prepare();
+    std::vector<double> kept;  // where b and x overlap and a second attempt may need b
+    const std::less<> before;
+    if (m.folds && before(b.data(), x.data() + x.size()) && before(x.data(), b.data() + b.size()))
+      kept.assign(b.begin(), b.end());
     m.system->solve(b.data(), x.data(), columns, result);
     const double limit = m.session().options.required_backward_error;
+    if (!(result.backward_error <= limit) && m.folds && m.system->changes() > 0) {
+      result.backward_error = 0;
+      m.system->fold();
+      m.system->solve(kept.empty() ? b.data() : kept.data(), x.data(), columns, result);
+    }
     if (!(result.backward_error <= limit))
       throw Error(
           StatusCode::accuracy_not_reached,

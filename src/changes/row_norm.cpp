@@ -73,14 +73,14 @@ class Rows {
 
 }  // namespace
 
-double row_norm(const ChangedMatrix& matrix, Base& base, const Border& border) {
+double RowNorm::of(const ChangedMatrix& matrix, Base& base, const Border& border) {
   const std::vector<double>& sums = base.row_sums();
-  std::vector<double> bound(at(matrix.entities()), 0.0);
-  std::vector<char> touched(bound.size(), 0);
-  std::vector<Index> list;
+  bound_.resize(at(matrix.entities()), 0.0);
+  touched_.resize(bound_.size(), 0);
+  list_.clear();
   const auto touch = [&](Index row, double more) {
-    if (std::exchange(touched[at(row)], 1) == 0) list.push_back(row);
-    bound[at(row)] += more;
+    if (std::exchange(touched_[at(row)], 1) == 0) list_.push_back(row);
+    bound_[at(row)] += more;
   };
   const auto touch_all = [&](const SparseVector& column, double factor) {
     for (std::size_t q = 0; q < column.size(); ++q) touch(column.place[q], factor * std::abs(column.value[q]));
@@ -101,7 +101,7 @@ double row_norm(const ChangedMatrix& matrix, Base& base, const Border& border) {
   for (Index e = matrix.n(); e < base.order(); ++e)
     if (base.has(e) && matrix.auxiliary(e)) touch_all(matrix.item(e).column, weight(e));
 
-  const auto stays = [&](Index row) { return touched[at(row)] == 0 && base.has(row) && matrix.counts(row); };
+  const auto stays = [&](Index row) { return touched_[at(row)] == 0 && base.has(row) && matrix.counts(row); };
   const std::vector<Index>& largest = base.largest_rows();
   const auto first = std::find_if(largest.begin(), largest.end(), stays);
   double most = first == largest.end() ? 0 : sums[at(*first)];
@@ -109,19 +109,23 @@ double row_norm(const ChangedMatrix& matrix, Base& base, const Border& border) {
     for (Index e = 0; e < base.order(); ++e)
       if (stays(e)) most = std::max(most, sums[at(e)]);
   std::vector<Index> rows;
-  for (const Index e : list) {
+  for (const Index e : list_) {
     if (!matrix.counts(e)) continue;
-    if (base.has(e)) bound[at(e)] += sums[at(e)];
+    if (base.has(e)) bound_[at(e)] += sums[at(e)];
     rows.push_back(e);
   }
   std::sort(rows.begin(), rows.end(),
-            [&](Index a, Index b) { return bound[at(a)] != bound[at(b)] ? bound[at(a)] > bound[at(b)] : a < b; });
+            [&](Index a, Index b) { return bound_[at(a)] != bound_[at(b)] ? bound_[at(a)] > bound_[at(b)] : a < b; });
   if (rows.size() > kMostRows) rows.resize(kMostRows);
   std::optional<Rows> changed;
   for (const Index e : rows) {
-    if (bound[at(e)] <= most) break;
+    if (bound_[at(e)] <= most) break;
     if (!changed) changed.emplace(matrix, base, border);
     most = std::max(most, changed->sum_of(e));
+  }
+  for (const Index e : list_) {
+    bound_[at(e)] = 0;
+    touched_[at(e)] = 0;
   }
   return most;
 }

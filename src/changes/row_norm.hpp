@@ -2,11 +2,21 @@
 /// The norm of a changed matrix, by the rows that changes touch.
 #pragma once
 
+#include <vector>
+
 #include "changes/border.hpp"
 
 namespace espalier::changes {
 
-/// |M|_inf of the rows and columns that count, or a little less where changes touch thousands of rows.
-double row_norm(const ChangedMatrix& matrix, Base& base, const Border& border);
+class RowNorm {
+ public:
+  /// |M|_inf of the rows and columns that count, or a little less where changes touch thousands of rows.
+  double of(const ChangedMatrix& matrix, Base& base, const Border& border);
+
+ private:
+  std::vector<double> bound_;  // by entity, as the list below; zero between calls
+  std::vector<char> touched_;
+  std::vector<Index> list_;
+};
 
 }  // namespace espalier::changes

@@ -10,7 +10,6 @@
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "changes/folding.hpp"
-#include "changes/row_norm.hpp"
 #include "solver/solver_impl.hpp"
 
 namespace espalier::changes {
@@ -27,7 +26,7 @@ solver::Session& session_of(Solver& s) { return solver::SolverAccess::session(s)
 
 // Of a sweep up and down the factor, in floating-point operations: it waits for memory.
 double sweep_work(const Base& base, Index columns) {
-  constexpr double kEntry = 50, kColumn = 4;
+  constexpr double kEntry = 120, kColumn = 10;
   const auto entries = static_cast<double>(base.session().analysis.nonzeros_factor);
   const double sweeps = std::ceil(static_cast<double>(columns) / kSideBySide);
   return entries * (kEntry * sweeps + kColumn * static_cast<double>(columns));
@@ -40,7 +39,8 @@ double factorization_work(const Base& base, bool same_pattern) {
          static_cast<double>(base.pattern().nonzeros()) * (kEntry + (same_pattern ? 0 : kAnalysis));
 }
 
-double largest(const auto& v) { return v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff(); }
+// NaN where one is.
+double largest(const auto& v) { return v.size() == 0 ? 0.0 : v.cwiseAbs().template maxCoeff<Eigen::PropagateNaN>(); }
 
 }  // namespace
 
@@ -114,13 +114,20 @@ void System::prepare() {
     }
   }
   update();
-  if (!border_.factorize(base()))
+  bool regular = border_.factorize(base());
+  // S may be singular to rounding where the factor of the base is near to it: a factor of its own knows better.
+  if (!regular && folds_) {
+    factorize_changed();
+    update();
+    regular = border_.factorize(base());
+  }
+  if (!regular)
     throw Error(
         StatusCode::singular,
         fmt::format("the changed matrix is singular: so are the {} rows of its changes, condensed; constraints that "
-                    "depend on others must go",
+                    "depend on others must go, or fold() tells whether a factorization finds it regular",
                     border_.active().size()));
-  norm_ = row_norm(matrix_, base(), border_);
+  norm_ = row_norm_.of(matrix_, base(), border_);
   stale_ = false;
 }
 
@@ -259,22 +266,26 @@ MatrixXd System::substitute(const MatrixXd& r) {
 }
 
 void System::count_products(Index columns) {
-  constexpr double kProduct = 8;
+  constexpr double kProduct = 40;
   cost_.changes +=
       kProduct * static_cast<double>(border_.active().size()) * static_cast<double>(base().order()) * columns;
 }
 
 void System::solve_block(const double* given, double* to, Index columns, SolveResult& result) {
   const Options& o = original_.session().options;
-  MatrixXd b = MatrixXd::Zero(matrix_.entities(), columns);
-  for (Index c = 0; c < columns; ++c)
-    for (Index u = 0; u < matrix_.unknowns(); ++u)
-      if (const Index e = matrix_.entity_of(u); matrix_.alive(e)) b(e, c) = given[Offset{c} * matrix_.unknowns() + u];
+  const Index unknowns = matrix_.unknowns();
+  const bool plain = matrix_.plain() && unknowns == matrix_.entities();
+  MatrixXd b = plain ? MatrixXd(Eigen::Map<const MatrixXd>(given, unknowns, columns))
+                     : MatrixXd(MatrixXd::Zero(matrix_.entities(), columns));
+  for (Index c = 0; c < columns && !plain; ++c)
+    for (Index u = 0; u < unknowns; ++u) b(matrix_.entity_of(u), c) = given[Offset{c} * unknowns + u];
+  for (const Index e : silent_) b.row(e).setZero();
   const auto errors_of = [&](const MatrixXd& r, const MatrixXd& x) {
     std::vector<double> errors;
     for (Index c = 0; c < columns; ++c) {
       const double scale = norm_ * largest(x.col(c)) + largest(b.col(c)), rest = largest(r.col(c));
-      errors.push_back(!r.col(c).allFinite() ? std::numeric_limits<double>::infinity() : rest == 0 ? 0 : rest / scale);
+      const bool finite = std::isfinite(rest) && std::isfinite(scale);
+      errors.push_back(!finite ? std::numeric_limits<double>::infinity() : rest == 0 ? 0 : rest / scale);
     }
     return errors;
   };
@@ -311,8 +322,9 @@ void System::solve_block(const double* given, double* to, Index columns, SolveRe
     }
     if (!gained) break;
   }
-  for (Index c = 0; c < columns; ++c)
-    for (Index u = 0; u < matrix_.unknowns(); ++u) to[Offset{c} * matrix_.unknowns() + u] = x(matrix_.entity_of(u), c);
+  if (plain) Eigen::Map<MatrixXd>(to, unknowns, columns) = x;
+  for (Index c = 0; c < columns && !plain; ++c)
+    for (Index u = 0; u < unknowns; ++u) to[Offset{c} * unknowns + u] = x(matrix_.entity_of(u), c);
   result.refinement_steps = std::max(result.refinement_steps, steps);
   for (const double e : errors) result.backward_error = std::max(result.backward_error, e);
 }

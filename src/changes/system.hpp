@@ -11,6 +11,7 @@
 #include "changes/base.hpp"
 #include "changes/border.hpp"
 #include "changes/changed_matrix.hpp"
+#include "changes/row_norm.hpp"
 #include "espalier/changed_system.hpp"
 
 namespace espalier::changes {
@@ -62,6 +63,7 @@ class System {
   std::set<Index> wanted_;      // entities that belong into the border
   std::set<Index> silent_;      // that do not count
   std::vector<Index> outside_;  // that the base does not have
+  RowNorm row_norm_;
   double norm_ = 0;
   bool updated_ = false;  // the border is that of the matrix
   bool stale_ = true;     // the matrix has changed since prepare()

@@ -399,7 +399,7 @@ TEST(ChangedSystem, AHundredFlipsLoseNothing) {
 
 // What a batch costs, and when it is cheaper to factorize: counted, so that it does not depend on the clock.
 TEST(ChangedSystem, FactorizesWhereThatIsCheaper) {
-  const SparseMatrix a = reference::random_system(600, 4, reference::Values::positive, 3);
+  const SparseMatrix a = reference::random_system(1200, 12, reference::Values::positive, 3);
   Solver solver = factorized(a, Kind::llt);
   ChangedSystem changed(solver);
   std::vector<double> b = reference::random_vector(a.cols, 1), x(b.size());
