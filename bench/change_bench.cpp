@@ -1,12 +1,18 @@
 // A pattern that changes in one part of its unknowns, followed by Solver::analyze_change() and analyzed anew.
-//   espalier_bench_change [N [PERCENT [THREADS [REPEATS]]]]      default: elasticity 24^3, 1 percent, all cores, 3
+//   espalier_bench_change [N [PERCENT [THREADS [REPEATS [DEVICE]]]]]     default: elasticity 24^3, 1 percent, all
+//   cores, 3
 // Two sorts of change: contacts (springs between unknowns of neighbouring nodes two apart) that lie on one face, or all
 // over the body. Seconds are medians of whole calls, which take turns; the factor's entries are over those of the fresh
 // analysis. A solve with the factor of the followed analysis is checked.
+//   espalier_bench_change SORT [N [PERCENT [CHANGES [THREADS [DEVICE]]]]]
+// A hundred changes, one after another, of a body of N^3 bricks (contacts, elements, crack, remesh: ChangingBody), each
+// followed, factorized and solved. Every tenth is compared with a fresh analysis.
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
+#include <cmath>
 #include <cstdlib>
 #include <map>
 #include <random>
@@ -14,6 +20,7 @@
 #include <vector>
 
 #include "espalier/solver.hpp"
+#include "matrix/generators/changing_body.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/norms.hpp"
 
@@ -83,13 +90,15 @@ std::vector<std::pair<Index, Index>> contacts(Index n, const SparseMatrix& a, do
   return pairs;
 }
 
-void measure(Index n, double percent, int threads, int repeats, bool on_face) {
+void measure(Index n, double percent, int repeats, bool on_face, Options options) {
+  std::string parts;
+  options.log = [&](const std::string& line) {
+    if (line.find("was followed") != std::string::npos) parts = line;
+  };
   matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
   spec.numbering = matrix::Numbering::natural;
   const SparseMatrix a = matrix::generate(spec);
   const SparseMatrix b = with_springs(a, contacts(n, a, percent, on_face, 7));
-  Options options;
-  options.threads = threads;
   std::vector<double> full, followed, back;
   ChangeResult change;
   AnalysisResult fresh;
@@ -110,7 +119,9 @@ void measure(Index n, double percent, int threads, int repeats, bool on_face) {
     back.push_back(seconds_of([&] { (void)solver.analyze_change(a); }));
   }
   fmt::print(
-      "elasticity {0}^3, {1} % of the nodes in contact {2}: analyze {3:.4f} s, analyze_change {4:.4f} s ({5:.3f}), "
+      "elasticity {0}^3, {1} % of the nodes in contact {2}: analyze {3:.4f} s, analyze_change {4:.4f} s ({5:.3f}; "
+      "order "
+      "{16:.4f}, plan {17:.4f}), "
       "back "
       "{6:.4f} s ({7:.3f}); {8} entries came, {9} unknowns moved, {10} of {11} fronts are the same; entries of the "
       "factor {12:.3f}, work {13:.3f} of the fresh analysis; backward error {14:.1e}{15}\n",
@@ -118,17 +129,67 @@ void measure(Index n, double percent, int threads, int repeats, bool on_face) {
       median(back), median(back) / median(full), change.added_entries, change.moved_unknowns, change.kept_fronts,
       change.analysis.fronts,
       static_cast<double>(change.analysis.nonzeros_factor) / static_cast<double>(fresh.nonzeros_factor),
-      change.analysis.flops / fresh.flops, solved.backward_error, change.full ? "; ANEW: " + change.why : "");
+      change.analysis.flops / fresh.flops, solved.backward_error, change.full ? "; ANEW: " + change.why : "",
+      change.analysis.ordering_seconds, change.analysis.plan_seconds);
+  fmt::print("  back: {}\n", parts);
+}
+
+// What a hundred changes come to.
+void follow(const std::string& word, Index n, double percent, int changes, const Options& options) {
+  matrix::ChangingBody body(matrix::parse_body_change(word), n, percent / 100, 1);
+  Solver solver(options);
+  SparseMatrix a = body.matrix();
+  if (!solver.analyze(a).status.ok()) throw std::runtime_error("the analysis failed");
+  std::vector<double> followed, fresh;
+  double fill = 0, work = 0, error = 0;
+  int anew = 0, reordered = 0;
+  Offset entries = 0;
+  std::vector<double> rhs(static_cast<std::size_t>(a.cols)), x(rhs.size());
+  for (std::size_t k = 0; k < rhs.size(); ++k) rhs[k] = std::sin(static_cast<double>(k));
+  for (int k = 1; k <= changes; ++k) {
+    body.change();
+    a = body.matrix();
+    ChangeResult change;
+    followed.push_back(seconds_of([&] { change = solver.analyze_change(a); }));
+    if (!change.analysis.status.ok()) throw std::runtime_error(change.analysis.status.message);
+    anew += change.full ? 1 : 0;
+    reordered += change.reordered ? 1 : 0;
+    entries += change.added_entries + change.removed_entries;
+    if (k % 10 != 0) continue;
+    Solver other(options);
+    AnalysisResult best;
+    fresh.push_back(seconds_of([&] { best = other.analyze(a); }));
+    fill = std::max(fill,
+                    static_cast<double>(change.analysis.nonzeros_factor) / static_cast<double>(best.nonzeros_factor));
+    work = std::max(work, change.analysis.flops / best.flops);
+    if (!solver.factorize(a).status.ok()) throw std::runtime_error("the factorization failed");
+    error = std::max(error, solver.solve(rhs, x).backward_error);
+  }
+  fmt::print(
+      "{} of {}^3 bricks, {} unknowns, {} changes of {} entries: analyze_change {:.4f} s, analyze {:.4f} s ({:.3f}); "
+      "{} anew, {} times an order from beside the work; at worst {:.3f} times the entries, {:.3f} times the work of a "
+      "fresh analysis; backward error {:.1e}\n",
+      word, n, a.cols, changes, entries / changes, median(followed), median(fresh), median(followed) / median(fresh),
+      anew, reordered, fill, work, error);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   try {
-    const Index n = argc > 1 ? std::atoi(argv[1]) : 24;
-    const double percent = argc > 2 ? std::atof(argv[2]) : 1;
-    const int threads = argc > 3 ? std::atoi(argv[3]) : 0, repeats = argc > 4 ? std::atoi(argv[4]) : 3;
-    for (const bool on_face : {true, false}) measure(n, percent, threads, repeats, on_face);
+    const bool sequence = argc > 1 && std::isalpha(static_cast<unsigned char>(argv[1][0])) != 0;
+    const int first = sequence ? 2 : 1;
+    const auto number = [&](int k, double usual) { return argc > first + k ? std::atof(argv[first + k]) : usual; };
+    const auto n = static_cast<Index>(number(0, 24));
+    const double percent = number(1, 1);
+    Options options;
+    options.threads = static_cast<int>(number(sequence ? 3 : 2, 0));
+    if (argc > first + 4) options.device = argv[first + 4];
+    if (sequence) {
+      follow(argv[1], n, percent, static_cast<int>(number(2, 100)), options);
+      return 0;
+    }
+    for (const bool on_face : {true, false}) measure(n, percent, static_cast<int>(number(3, 3)), on_face, options);
   } catch (const std::exception& e) {
     fmt::print(stderr, "espalier_bench_change: {}\n", e.what());
     return 1;

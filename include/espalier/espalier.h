@@ -413,7 +413,8 @@ int espalier_load_analysis_i64(espalier_solver* solver, const char* path, const 
 
 /**
  * Analyses a pattern that differs from the analysed one here and there, in a small part of the time of an analysis; see
- * Solver::analyze_change() in solver.hpp. @param anew  1: all was ordered anew, 0: it was not; NULL: not wanted
+ * Solver::analyze_change() in solver.hpp. Where the matrix is refused, analysis and factor are as before.
+ * @param anew  1: all was ordered anew, 0: it was not; NULL: not wanted
  */
 int espalier_analyze_change_i32(espalier_solver* solver, const espalier_matrix_i32* a, int32_t* anew,
                                 espalier_analysis_info* info);

@@ -135,9 +135,9 @@ void bind_solver(nb::module_& m) {
           [](SolverHandle& s, const Pointers& p, const Indices& i, const std::optional<Values>& v, bool by_rows,
              int storage) {
             const ChangeResult r = s.analyze_change(p, i, v, shape_of(p, by_rows, storage, false));
-            return nb::make_tuple(
-                status_of(r.analysis.status), fields(r.analysis),
-                nb::make_tuple(r.full, r.why, r.added_entries, r.removed_entries, r.moved_unknowns, r.kept_fronts));
+            return nb::make_tuple(status_of(r.analysis.status), fields(r.analysis),
+                                  nb::make_tuple(r.full, r.why, r.added_entries, r.removed_entries, r.moved_unknowns,
+                                                 r.kept_fronts, r.reordered, r.entries_of_order));
           },
           array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
       .def(

@@ -152,9 +152,11 @@ ChangeResult SolverHandle::analyze_change(const Pointers& pointers, const Indice
   const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
   return call([&] {
     Solver& s = analyzed();
+    ChangeResult change = s.analyze_change(view);
+    if (!change.analysis.status.ok()) return change;  // the solver is as it was
     by_rows_ = shape.by_rows;
     transposed_ = shape.by_rows && shape.storage == Storage::general;
-    return s.analyze_change(view);
+    return change;
   });
 }
 

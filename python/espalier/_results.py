@@ -68,7 +68,9 @@ class Analysis(_Table):
 
 @dataclass(frozen=True, repr=False)
 class Change(_Table):
-    """Of Solver.analyze_change(). `full`: all was ordered anew, `why` says for what reason. Entries as they are stored."""
+    """Of Solver.analyze_change(). `full`: all was ordered anew, `why` says for what reason; `reordered`: an order that was
+    made beside the work since an earlier change has taken the place of the one before; `entries_of_order`: of the
+    factor, by the last order. Entries that came or went are counted as they are stored."""
 
     analysis: Analysis
     full: bool
@@ -77,6 +79,8 @@ class Change(_Table):
     removed_entries: int
     moved_unknowns: int
     kept_fronts: int
+    reordered: bool
+    entries_of_order: int
 
 
 @dataclass(frozen=True, repr=False)

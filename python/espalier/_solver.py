@@ -138,17 +138,18 @@ class Solver(SelectedInverse, Inverse):
 
     def analyze_change(self, A: Any) -> Change:
         """Analyzes a pattern that differs here and there from the analyzed one, in a small part of analyze()'s time: what
-        the change does not touch stays. Where too much has changed, all is ordered anew, and `why` says so."""
+        the change does not touch stays. Where too much has changed, all is ordered anew, and `why` says so. A matrix that is
+        refused (not finite, indices out of range, a row without entries) leaves analysis and factor as they were."""
         arrays = self._taken(A)[0]
         if self.analysis is None:
             raise RuntimeError("there is no analysis: call analyze(A) or factorize(A) first")
         if self._complex or (arrays[2] is not None and arrays[2].dtype.kind == "c"):
             raise TypeError("the pattern of a complex system is analyzed anew: call analyze(A)")
-        self.analysis = self.factor = self._pattern = None
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
             status, found, change = self._core.analyze_change(*arrays, self._storage)
         if status[0]:
-            raise _matrix_error(status, arrays[3], "")
+            raise _matrix_error(status, arrays[3], "")  # what was there still is
+        self.factor = None
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return Change(self.analysis, *change)
@@ -177,7 +178,8 @@ class Solver(SelectedInverse, Inverse):
         only what these values reach is made again.
 
         Raises InvalidInputError for values that are not finite and for places that do not exist or are stored twice: the
-        factor is as it was then. SingularMatrixError, NotPositiveDefiniteError as factorize()."""
+        factor is as it was then. SingularMatrixError, NotPositiveDefiniteError as factorize(): the factor is made again of the
+        values before."""
         import numpy as np
 
         before = self._factored()

@@ -1,7 +1,10 @@
 #include "analysis/tree_change.hpp"
 
 #include <algorithm>
+#include <atomic>
+#include <map>
 #include <numeric>
+#include <utility>
 
 #include "base/at.hpp"
 
@@ -9,9 +12,16 @@ namespace espalier::analysis {
 
 namespace {
 
-constexpr std::int64_t kFronts = 256;  // per range of a loop
-
 class TreeChange {
+  static constexpr std::int64_t kFronts = 256;  // per range of a loop
+  static constexpr std::int64_t kColumns = 4096;
+  static constexpr std::int64_t kOfOneHeight = 8;
+  // What has become of a front, bits.
+  static constexpr char kRows = 1;     // rows below its pivots may be others
+  static constexpr char kEntries = 2;  // entries of the matrix in it came or went
+  static constexpr char kPivots = 4;   // it has won or lost pivots
+  static constexpr char kMoved = 8;    // entries that others had stand in it now
+
  public:
   TreeChange(const AssemblyTree& before, const PatternChange& change, base::ThreadPool& pool)
       : old_(before),
@@ -19,28 +29,45 @@ class TreeChange {
         pool_(pool),
         parent_(before.parent),
         front_(at(before.n)),
+        pivots_(at(before.fronts())),
         touched_(at(before.fronts()), 0),
         was_(at(before.fronts())) {
     std::iota(was_.begin(), was_.end(), 0);
-    for (Index f = 0; f < old_.fronts(); ++f)
+    each_front(old_.fronts(), [&](Index f) {
+      pivots_[at(f)] = old_.pivots(f);
       for (Index k = old_.first[at(f)]; k < old_.first[at(f) + 1]; ++k) front_[at(old_.order[at(k)])] = f;
+    });
     column_of_row_.resize(change.row_of_col.size());
-    for (std::size_t c = 0; c < change.row_of_col.size(); ++c)
-      column_of_row_[at(change.row_of_col[c])] = static_cast<Index>(c);
+    each_column([&](std::size_t c) {
+      if (!column_of_row_.empty()) column_of_row_[at(change.row_of_col[c])] = static_cast<Index>(c);
+    });
   }
 
   ChangedTree run() {
     join_trees();
-    if (joined_) drop_and_sort();  // ways to the root are followed by rising numbers
+    if (joined_) drop_and_sort(true);  // ways to the root are followed by rising numbers
     lift_unknowns();
     touch_ends();
-    drop_and_sort();
+    drop_and_sort(false);
     take_pivots();
     make_rows();
     return std::move(out_);
   }
 
  private:
+  template <class Use>
+  void each_front(Index fronts, Use&& use) {
+    pool_.for_each_range(fronts, kFronts, [&](std::int64_t b, std::int64_t e) {
+      for (auto f = static_cast<Index>(b); f < e; ++f) use(f);
+    });
+  }
+  template <class Use>
+  void each_column(Use&& use) {
+    pool_.for_each_range(old_.n, kColumns, [&](std::int64_t b, std::int64_t e) {
+      for (auto c = static_cast<std::size_t>(b); c < static_cast<std::size_t>(e); ++c) use(c);
+    });
+  }
+
   [[nodiscard]] Index root_of(Index f) const {
     while (parent_[at(f)] >= 0) f = parent_[at(f)];
     return f;
@@ -52,7 +79,8 @@ class TreeChange {
       const Index a = root_of(front_[at(u)]), b = root_of(front_[at(v)]);
       if (a == b) continue;
       parent_[at(std::min(a, b))] = std::max(a, b);
-      touched_[at(std::min(a, b))] = touched_[at(std::max(a, b))] = 1;
+      touched_[at(std::min(a, b))] |= kRows;
+      touched_[at(std::max(a, b))] |= kRows;
       joined_ = true;
     }
   }
@@ -101,42 +129,67 @@ class TreeChange {
       ++edges[at(c.u)];
       ++edges[at(c.v)];
     }
-    std::vector<Index> from(front_);
+    std::map<Index, Index> from;  // of those that were lifted
+    const auto front_before = [&](Index u) {
+      const auto found = from.find(u);
+      return found == from.end() ? front_[at(u)] : found->second;
+    };
     for (const Crossing& c : list) {
       const Index f = front_[at(c.u)], g = front_[at(c.v)], m = meeting(f, g);
       if (m == f || m == g) continue;
       const auto price = [&](Index u) {
-        return (cost[at(from[at(u)])] - cost[at(m)]) / static_cast<double>(edges[at(u)]);
+        return (cost[at(front_before(u))] - cost[at(m)]) / static_cast<double>(edges[at(u)]);
       };
       const double of_u = price(c.u), of_v = price(c.v);
       const Index lifted = of_u < of_v || (of_u == of_v && c.u < c.v) ? c.u : c.v;
-      touched_[at(front_[at(lifted)])] = touched_[at(m)] = 1;
-      if (front_[at(lifted)] == from[at(lifted)]) ++out_.moved;
-      front_[at(lifted)] = m;
+      Index& its = front_[at(lifted)];
+      from.emplace(lifted, its);
+      touched_[at(its)] |= kRows | kEntries | kPivots;
+      touched_[at(m)] |= kRows | kEntries | kPivots;
+      --pivots_[at(its)];
+      ++pivots_[at(m)];
+      its = m;
     }
+    out_.moved = static_cast<Index>(from.size());
+    for (const auto& [v, f] : from) add_rows_of(v, f);
+  }
+
+  // An unknown that went up is a row of those fronts on its way that have its neighbours.
+  void add_rows_of(Index v, Index from) {
+    const Index end = front_[at(v)];
+    visit_neighbours(v, [&](Index u) {
+      const Index f = front_[at(u)];
+      if (f < from || f >= end || meeting(from, f) != f) return;
+      rows_to_add_.emplace_back(u, v);
+      touched_[at(f)] |= kRows | kEntries | kMoved;
+    });
   }
 
   // An edge is a row of the lower of its two fronts.
   void touch_ends() {
+    rows_to_add_.insert(rows_to_add_.end(), change_.added.begin(), change_.added.end());
     for (const auto* list : {&change_.added, &change_.removed})
-      for (const auto& [u, v] : *list) touched_[at(std::min(front_[at(u)], front_[at(v)]))] = 1;
-    for (const Index v : change_.diagonal) touched_[at(front_[at(v)])] = 1;
+      for (const auto& [u, v] : *list) touched_[at(std::min(front_[at(u)], front_[at(v)]))] |= kRows | kEntries;
+    for (const Index v : change_.diagonal) touched_[at(front_[at(v)])] |= kEntries;
   }
 
   // Fronts without pivots vanish; those that are left stand in postorder, siblings as before.
-  void drop_and_sort() {
-    std::vector<Index> pivots(parent_.size(), 0);
-    for (const Index f : front_) ++pivots[at(f)];
+  // @param always  they may stand in another order
+  void drop_and_sort(bool always) {
     const auto fronts = static_cast<Index>(parent_.size());
+    bool all_stay = true;
     for (Index f = fronts; f-- > 0;) {  // those above have settled whom they stand for
       Index& up = parent_[at(f)];
-      if (up >= 0 && pivots[at(up)] == 0) up = parent_[at(up)];
-      if (pivots[at(f)] == 0 && up >= 0) touched_[at(up)] = 1;
+      if (up >= 0 && pivots_[at(up)] == 0) up = parent_[at(up)];
+      if (pivots_[at(f)] > 0) continue;
+      all_stay = false;
+      if (up >= 0) touched_[at(up)] |= kRows;
     }
+    if (all_stay && !always) return;
     name_.assign(parent_.size(), -1);
     std::vector<Index> head(parent_.size() + 1, -1), next(parent_.size(), -1), sorted;
     for (Index f = fronts; f-- > 0;) {
-      if (pivots[at(f)] == 0) continue;
+      if (pivots_[at(f)] == 0) continue;
       Index& first = head[parent_[at(f)] < 0 ? parent_.size() : at(parent_[at(f)])];
       next[at(f)] = first;
       first = f;
@@ -157,37 +210,45 @@ class TreeChange {
   }
 
   void rename(const std::vector<Index>& sorted) {
-    std::vector<Index> parent, was;
+    std::vector<Index> parent, was, pivots;
     std::vector<char> touched;
     for (const Index f : sorted) {
       parent.push_back(parent_[at(f)] < 0 ? -1 : name_[at(parent_[at(f)])]);
       touched.push_back(touched_[at(f)]);
       was.push_back(was_[at(f)]);
+      pivots.push_back(pivots_[at(f)]);
     }
-    for (Index& f : front_) f = name_[at(f)];
+    each_column([&](std::size_t c) { front_[c] = name_[at(front_[c])]; });
     parent_ = std::move(parent);
     touched_ = std::move(touched);
     was_ = std::move(was);
+    pivots_ = std::move(pivots);
   }
 
-  // Pivots that stay keep their order; those that came stand behind them.
+  // Pivots that stay keep their order; those that came stand behind them, in the order that they had.
   void take_pivots() {
     AssemblyTree& t = out_.tree;
     t.n = old_.n;
     t.parent = parent_;
     t.first.assign(parent_.size() + 1, 0);
-    for (const Index f : front_) ++t.first[at(f) + 1];
-    std::partial_sum(t.first.begin(), t.first.end(), t.first.begin());
+    std::partial_sum(pivots_.begin(), pivots_.end(), t.first.begin() + 1);
     t.order.resize(at(t.n));
-    std::vector<Index> next(t.first.begin(), t.first.end() - 1);
-    for (const bool stays : {true, false})
-      for (Index f = 0; f < old_.fronts(); ++f)
-        for (Index k = old_.first[at(f)]; k < old_.first[at(f) + 1]; ++k) {
-          const Index v = old_.order[at(k)], now = front_[at(v)];
-          if ((was_[at(now)] == f) == stays) t.order[at(next[at(now)]++)] = v;
-        }
     position_.resize(at(t.n));
-    for (Index k = 0; k < t.n; ++k) position_[at(t.order[at(k)])] = k;
+    std::vector<Index> now(at(old_.fronts()), -1), next(parent_.size());
+    for (std::size_t f = 0; f < was_.size(); ++f) now[at(was_[f])] = static_cast<Index>(f);
+    each_front(t.fronts(), [&](Index f) {
+      const Index o = was_[at(f)];
+      Index to = t.first[at(f)];
+      for (Index k = old_.first[at(o)]; k < old_.first[at(o) + 1]; ++k)
+        if (const Index v = old_.order[at(k)]; front_[at(v)] == f) t.order[at(to++)] = v;
+      next[at(f)] = to;
+    });
+    for (Index o = 0; o < old_.fronts(); ++o) {
+      if (now[at(o)] >= 0 && (touched_[at(now[at(o)])] & kPivots) == 0) continue;
+      for (Index k = old_.first[at(o)]; k < old_.first[at(o) + 1]; ++k)
+        if (const Index v = old_.order[at(k)], f = front_[at(v)]; f != now[at(o)]) t.order[at(next[at(f)]++)] = v;
+    }
+    each_column([&](std::size_t k) { position_[at(t.order[k])] = static_cast<Index>(k); });
   }
 
   // The rows of a front as it was, by the positions of now, in the order of then.
@@ -213,64 +274,150 @@ class TreeChange {
     for (Offset q = ptr[row]; q < ptr[row + 1]; ++q) use(change_.rows.col[q]);
   }
 
+  // Of a front that has not changed, in the order of now. @returns whether that is another one than before
+  bool keep_rows(Index f) {
+    std::vector<Index>& list = rows_[at(f)] = rows_before(f);
+    known_[at(f)] = 1;
+    if (std::is_sorted(list.begin(), list.end())) return false;
+    std::sort(list.begin(), list.end());
+    out_.same[at(f)] = -1;
+    return true;
+  }
+
+  [[nodiscard]] bool has_pivot_beside(Index f, Index row) const {
+    bool found = false;
+    visit_neighbours(out_.tree.order[at(row)], [&](Index u) { found = found || front_[at(u)] == f; });
+    return found;
+  }
+
+  // Adds to `rows` those of `more` that lie above `last`; both ascend.
+  static void unite(std::vector<Index>& rows, std::span<const Index> more, Index last) {
+    more = more.subspan(at(std::upper_bound(more.begin(), more.end(), last) - more.begin()));
+    if (std::includes(rows.begin(), rows.end(), more.begin(), more.end())) return;
+    std::vector<Index> both;
+    both.reserve(rows.size() + more.size());
+    std::set_union(rows.begin(), rows.end(), more.begin(), more.end(), std::back_inserter(both));
+    rows = std::move(both);
+  }
+
+  // Rows that children have and that edges bring, which came, or moved with an unknown. An edge that was there before
+  // and joins one of the front's pivots with a row above is a row of before.
+  [[nodiscard]] std::vector<Index> rows_of(Index f, std::span<const Index> before) {
+    const AssemblyTree& t = out_.tree;
+    const Index last = t.first[at(f) + 1] - 1;
+    std::vector<Index> rows, more, candidates;
+    for (Offset c = child_ptr_[at(f)]; c < child_ptr_[at(f) + 1]; ++c) {
+      const Index child = children_[at(c)];
+      if (known_[at(child)] == 0) (void)keep_rows(child);
+      unite(rows, rows_[at(child)], last);
+    }
+    for (auto e = std::lower_bound(added_.begin(), added_.end(), Edge{f, 0}); e != added_.end() && e->first == f; ++e)
+      more.push_back(e->second);
+    unite(rows, more, last);
+    std::set_difference(before.begin(), before.end(), rows.begin(), rows.end(), std::back_inserter(candidates));
+    more.clear();
+    if (static_cast<Index>(candidates.size()) <= t.pivots(f)) {
+      for (const Index r : candidates)
+        if (r > last && has_pivot_beside(f, r)) more.push_back(r);
+    } else {
+      for (Index k = t.first[at(f)]; k <= last; ++k)
+        visit_neighbours(t.order[at(k)], [&](Index v) {
+          if (position_[at(v)] > last) more.push_back(position_[at(v)]);
+        });
+      std::sort(more.begin(), more.end());
+      more.erase(std::unique(more.begin(), more.end()), more.end());
+    }
+    unite(rows, more, last);
+    return rows;
+  }
+
+  void remake(Index f) {
+    if ((touched_[at(f)] & (kEntries | kPivots)) != 0) out_.same[at(f)] = -1;
+    if ((touched_[at(f)] & kRows) == 0) return;
+    (void)keep_rows(f);
+    std::vector<Index> made = rows_of(f, rows_[at(f)]);
+    const bool other = made != rows_[at(f)];
+    if (other || (touched_[at(f)] & kPivots) != 0) changed_[at(f)] = 1;
+    if (!other) return;
+    out_.same[at(f)] = -1;
+    rows_[at(f)] = std::move(made);
+    if (const Index up = parent_[at(f)]; up >= 0)
+      std::atomic_ref<char>(touched_[at(up)]).fetch_or(kRows, std::memory_order_relaxed);
+  }
+
+  // Children of each front, and the fronts by their height above the leaves: those of one height are independent.
+  [[nodiscard]] std::vector<std::vector<Index>> by_height() {
+    const auto fronts = parent_.size();
+    child_ptr_.assign(fronts + 1, 0);
+    for (const Index p : parent_)
+      if (p >= 0) ++child_ptr_[at(p) + 1];
+    std::partial_sum(child_ptr_.begin(), child_ptr_.end(), child_ptr_.begin());
+    children_.resize(at(child_ptr_.back()));
+    std::vector<Offset> next(child_ptr_.begin(), child_ptr_.end() - 1);
+    std::vector<Index> height(fronts, 0);
+    std::vector<std::vector<Index>> list;
+    for (std::size_t f = 0; f < fronts; ++f) {
+      if (list.size() <= at(height[f])) list.emplace_back();
+      list[at(height[f])].push_back(static_cast<Index>(f));
+      if (parent_[f] < 0) continue;
+      children_[at(next[at(parent_[f])]++)] = static_cast<Index>(f);
+      height[at(parent_[f])] = std::max(height[at(parent_[f])], height[f] + 1);
+    }
+    return list;
+  }
+
   void make_rows() {
     AssemblyTree& t = out_.tree;
     const auto fronts = at(t.fronts());
-    std::vector<std::vector<Index>> rows(fronts);
-    out_.same = was_;
-    pool_.for_each_range(t.fronts(), kFronts, [&](std::int64_t b, std::int64_t e) {
-      for (auto f = static_cast<Index>(b); f < e; ++f) {
-        std::vector<Index>& list = rows[at(f)] = rows_before(f);
-        if (std::is_sorted(list.begin(), list.end())) continue;
-        std::sort(list.begin(), list.end());
-        out_.same[at(f)] = -1;
-      }
-    });
-    std::vector<std::vector<Index>> children(fronts);
-    for (Index f = 0; f < t.fronts(); ++f)
-      if (t.parent[at(f)] >= 0) children[at(t.parent[at(f)])].push_back(f);
-    std::vector<Index> mark(at(t.n), -1), made;
-    for (Index f = 0; f < t.fronts(); ++f) {
-      if (touched_[at(f)] == 0) {
-        ++out_.kept;
-        continue;
-      }
-      made.clear();
-      out_.same[at(f)] = -1;
-      const Index last = t.first[at(f) + 1] - 1;
-      const auto add = [&](Index p) {
-        if (p <= last || mark[at(p)] == f) return;
-        mark[at(p)] = f;
-        made.push_back(p);
-      };
-      for (const Index c : children[at(f)])
-        for (const Index p : rows[at(c)]) add(p);
-      for (Index k = t.first[at(f)]; k <= last; ++k)
-        visit_neighbours(t.order[at(k)], [&](Index v) { add(position_[at(v)]); });
-      std::sort(made.begin(), made.end());
-      if (made == rows[at(f)]) continue;
-      rows[at(f)] = made;
-      if (t.parent[at(f)] >= 0) touched_[at(t.parent[at(f)])] = 1;
+    for (const auto& [u, v] : rows_to_add_) {
+      const bool lower = position_[at(u)] < position_[at(v)];
+      added_.emplace_back(front_[at(lower ? u : v)], position_[at(lower ? v : u)]);
     }
-    t.row_ptr.assign(1, 0);
-    for (const auto& list : rows) t.row_ptr.push_back(t.row_ptr.back() + static_cast<Offset>(list.size()));
+    std::sort(added_.begin(), added_.end());
+    added_.erase(std::unique(added_.begin(), added_.end()), added_.end());
+    rows_.resize(fronts);
+    known_.assign(fronts, 0);
+    changed_.assign(fronts, 0);
+    out_.same = was_;
+    out_.with_pivots = was_;
+    for (std::size_t f = 0; f < fronts; ++f)
+      if ((touched_[f] & (kPivots | kMoved)) != 0) out_.with_pivots[f] = -1;
+    for (const std::vector<Index>& list : by_height())
+      pool_.for_each_range(static_cast<std::int64_t>(list.size()), kOfOneHeight, [&](std::int64_t b, std::int64_t e) {
+        for (std::int64_t k = b; k < e; ++k) remake(list[at(k)]);
+      });
+    t.row_ptr.resize(fronts + 1);
+    t.row_ptr[0] = 0;
+    for (std::size_t f = 0; f < fronts; ++f)
+      t.row_ptr[f + 1] =
+          t.row_ptr[f] + (known_[f] != 0 ? static_cast<Offset>(rows_[f].size()) : old_.rows_below(was_[f]));
     t.rows.resize(static_cast<std::size_t>(t.row_ptr.back()));
-    pool_.for_each_range(t.fronts(), kFronts, [&](std::int64_t b, std::int64_t e) {
-      for (auto f = static_cast<std::size_t>(b); f < static_cast<std::size_t>(e); ++f)
-        std::copy(rows[f].begin(), rows[f].end(), t.rows.begin() + t.row_ptr[f]);
+    each_front(t.fronts(), [&](Index f) {
+      if (known_[at(f)] == 0) (void)keep_rows(f);
+      std::copy(rows_[at(f)].begin(), rows_[at(f)].end(), t.rows.begin() + t.row_ptr[at(f)]);
+      rows_[at(f)] = {};
     });
+    out_.kept = static_cast<Index>(std::count(changed_.begin(), changed_.end(), 0));
   }
 
   const AssemblyTree& old_;
   const PatternChange& change_;
   base::ThreadPool& pool_;
+  using Edge = PatternChange::Edge;
   std::vector<Index> parent_;         // fronts as they are numbered now
   std::vector<Index> front_;          // by unknown
-  std::vector<char> touched_;         // fronts
+  std::vector<Index> pivots_;         // fronts; their number
+  std::vector<char> touched_;         // fronts; kRows ...
   std::vector<Index> was_;            // fronts; their numbers in old_
   std::vector<Index> name_;           // by the numbers before the last drop_and_sort()
   std::vector<Index> position_;       // by unknown
   std::vector<Index> column_of_row_;  // empty: identity
+  std::vector<Edge> rows_to_add_;     // edges of which the upper end may be a new row of the lower one's front
+  std::vector<Edge> added_;           // the same as fronts and positions, ascending
+  std::vector<Offset> child_ptr_;     // fronts + 1
+  std::vector<Index> children_;
+  std::vector<std::vector<Index>> rows_;  // fronts; of those that are known
+  std::vector<char> known_, changed_;     // fronts
   bool joined_ = false;
   ChangedTree out_;
 };

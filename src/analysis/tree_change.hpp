@@ -29,6 +29,9 @@ struct ChangedTree {
   Index kept = 0;   ///< fronts with the same pivots and rows as before
   /// By front: that with the same pivots, rows and neighbours in the same order before; -1: none.
   std::vector<Index> same;
+  /// By front: that with the same pivots in the same order before, of whose entries only those of the change came or
+  /// went; -1: none.
+  std::vector<Index> with_pivots;
 };
 
 /// An edge between unknowns of which neither's front lies above the other's would couple what a separator holds apart.

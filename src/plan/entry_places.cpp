@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "analysis/lazy_vector.hpp"
+#include "plan/changed_entries.hpp"
 #include "plan/kept_entries.hpp"
 #include "plan/rank_parts.hpp"
 
@@ -15,13 +16,6 @@ namespace {
 
 constexpr std::int64_t kFrontsPerRange = 256;
 constexpr Offset kEntriesPerDraw = 1 << 15;
-
-// An entry of A in permuted form: it belongs to the column list of the lower of its two positions.
-struct Raw {
-  Offset source;
-  Index row;        // the higher position
-  bool transposed;  // the entry lies above the diagonal of the permuted matrix (lu)
-};
 
 // The matrix by positions of the elimination.
 struct Permuted {
@@ -62,18 +56,24 @@ bool holds_entries(const Plan& plan, Index f, Index k) {
 // The entries of one front at a time, sorted.
 class FrontEntries {
  public:
-  FrontEntries(const Plan& plan, const Permuted& permuted)
-      : plan_(plan), permuted_(permuted), local_(static_cast<std::size_t>(plan.tree.n + plan.tree.border), -1) {}
+  FrontEntries(const Plan& plan, const Permuted& permuted, const ChangedEntries& changed)
+      : plan_(plan),
+        permuted_(permuted),
+        changed_(changed),
+        local_(static_cast<std::size_t>(plan.tree.n + plan.tree.border), -1) {}
 
   // Collects the columns of front f that are made here: in each, rows ascending, duplicates by source.
   void collect(Index f) {
+    if (changed_.front_before(f) >= 0) return changed_.collect(f, list_, ptr_);
     list_.clear();
     ptr_.assign(1, 0);
     for (Index k = plan_.tree.first[f]; k < plan_.tree.first[f + 1]; ++k) {
       if (holds_entries(plan_, f, k))
         permuted_.visit(k, [&](Offset q, Index row, bool transposed) { list_.push_back({q, row, transposed}); });
       std::sort(list_.begin() + static_cast<std::ptrdiff_t>(ptr_.back()), list_.end(),
-                [](const Raw& x, const Raw& y) { return x.row != y.row ? x.row < y.row : x.source < y.source; });
+                [](const PermutedEntry& x, const PermutedEntry& y) {
+                  return x.row != y.row ? x.row < y.row : x.source < y.source;
+                });
       ptr_.push_back(list_.size());
     }
   }
@@ -89,7 +89,7 @@ class FrontEntries {
       const Index j = layout.tile_of(col);
       const Index first = layout.begin(j);
       Index i = j, begin = first, end = layout.begin(j + 1);  // rows ascend within a column, and so do their tiles
-      each_of_column(f, col, [&](const Raw& e, Index row) {
+      each_of_column(f, col, [&](const PermutedEntry& e, Index row) {
         for (; row >= end; end = layout.begin(i + 1)) begin = layout.begin(++i);
         use(layout.tile_index(i, j), EntryPlace(e.source, row - begin, col - first, e.transposed));
       });
@@ -101,7 +101,8 @@ class FrontEntries {
   void visit_whole(Index f, Use&& use) {
     number_rows(f);
     for (Index col = 0; col < plan_.layout[f].pivots; ++col)
-      each_of_column(f, col, [&](const Raw& e, Index row) { use(EntryPlace(e.source, row, col, e.transposed)); });
+      each_of_column(f, col,
+                     [&](const PermutedEntry& e, Index row) { use(EntryPlace(e.source, row, col, e.transposed)); });
   }
 
  private:
@@ -119,7 +120,8 @@ class FrontEntries {
 
   const Plan& plan_;
   const Permuted& permuted_;
-  std::vector<Raw> list_;
+  const ChangedEntries& changed_;
+  std::vector<PermutedEntry> list_;
   std::vector<std::size_t> ptr_;  // pivots + 1: each column's part of the list
   std::vector<Index> local_;      // position -> row of the current front, valid for its rows below
 };
@@ -178,7 +180,7 @@ Index kept_front(const Plan& plan, Index f, const KeptEntries* kept) {
 
 // The same where the entries of most fronts are known, or other ranks'.
 std::vector<Offset> count_others(const Plan& plan, const Permuted& permuted, const KeptEntries* kept,
-                                 base::ThreadPool& pool) {
+                                 const ChangedEntries& changed, base::ThreadPool& pool) {
   std::vector<Offset> begin(static_cast<std::size_t>(plan.fronts()) + 1, 0);
   pool.for_each_range(plan.fronts(), kFrontsPerRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
@@ -186,6 +188,10 @@ std::vector<Offset> count_others(const Plan& plan, const Permuted& permuted, con
       if (const Index old = kept_front(plan, f, kept); old >= 0) {
         const Plan& was = kept->before;
         count = was.entry_ptr[was.first_tile[old + 1]] - was.entry_ptr[was.first_tile[old]];
+        continue;
+      }
+      if (changed.front_before(f) >= 0) {
+        count = changed.count(f);
         continue;
       }
       for (Index k = plan.tree.first[f]; k < plan.tree.first[f + 1]; ++k)
@@ -246,9 +252,10 @@ void keep_front(Plan& plan, Index f, Offset begin, const KeptEntries& kept) {
   const Offset tiles = plan.layout[f].tile_count(), tile = was.first_tile[old], first = was.entry_ptr[tile];
   const Offset end = was.entry_ptr[tile + tiles];
   for (Offset k = 0; k < tiles; ++k) plan.entry_ptr[plan.first_tile[f] + k] = was.entry_ptr[tile + k] - first + begin;
+  SourceMap::Cursor now(kept.now);
   for (Offset k = 0; k < end - first; ++k) {
     const EntryPlace& e = was.entries[first + k];
-    plan.entries[begin + k] = EntryPlace(kept.now(e.source()), e.row(), e.col(), e.transposed());
+    plan.entries[begin + k] = EntryPlace(now(e.source()), e.row(), e.col(), e.transposed());
   }
 }
 
@@ -257,8 +264,9 @@ void keep_front(Plan& plan, Index f, Offset begin, const KeptEntries& kept) {
 void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, const KeptEntries* kept) {
   const Permuted permuted = permute(plan, from, pool);
   const bool part = plan.options.ranks > 1;
+  const ChangedEntries changed(plan, from.a, permuted.row_position, permuted.column_position, kept);
   const std::vector<Offset> begin =
-      kept != nullptr || part ? count_others(plan, permuted, kept, pool) : count_entries(plan, permuted, pool);
+      kept != nullptr || part ? count_others(plan, permuted, kept, changed, pool) : count_entries(plan, permuted, pool);
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
   std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
@@ -266,7 +274,7 @@ void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, 
     if (begin[f + 1] - begin[draw.back()] >= kEntriesPerDraw || f + 1 == plan.fronts()) draw.push_back(f + 1);
   std::atomic<std::size_t> taken{0};
   pool.share([&](int) {
-    FrontEntries front(plan, permuted);
+    FrontEntries front(plan, permuted, changed);
     std::vector<Offset> at;
     for (;;) {
       const std::size_t p = ++taken;
@@ -300,7 +308,8 @@ void number_sources(Plan& plan, base::ThreadPool& pool) {
 void place_entries_as_before(Plan& plan, const Plan& before, std::span<const Index> same, const EntrySource& from,
                              base::ThreadPool& pool) {
   const Permuted permuted = permute(plan, from, pool);
-  FrontEntries front(plan, permuted);
+  const ChangedEntries changed(plan, from.a, permuted.row_position, permuted.column_position, nullptr);
+  FrontEntries front(plan, permuted, changed);
   std::vector<Offset> at;
   plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
   plan.entries.resize(before.entries.size());

@@ -2,7 +2,9 @@
 /// Entries of fronts that are the same in a plan for a changed pattern.
 #pragma once
 
+#include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "plan/plan.hpp"
@@ -20,14 +22,38 @@ class SourceMap {
   /// No more calls of these. @param entries  of the pattern before
   void close(Offset entries);
 
-  [[nodiscard]] Offset operator()(Offset before) const {
+  [[nodiscard]] Offset operator()(Offset before) const { return place_in(run_of(before), before); }
+
+  /// Looks up neighbours one after another: most are in the run of the one before.
+  class Cursor {
+   public:
+    explicit Cursor(const SourceMap& map) : map_(map) {}
+    [[nodiscard]] Offset operator()(Offset before) {
+      if (before < begin_ || before >= end_) {
+        run_ = map_.run_of(before);
+        begin_ = map_.runs_[run_].begin;
+        end_ = run_ + 1 < map_.runs_.size() ? map_.runs_[run_ + 1].begin : std::numeric_limits<Offset>::max();
+      }
+      return map_.place_in(run_, before);
+    }
+
+   private:
+    const SourceMap& map_;
+    std::size_t run_ = 0;
+    Offset begin_ = 0, end_ = 0;
+  };
+
+ private:
+  [[nodiscard]] std::size_t run_of(Offset before) const {
     auto run = static_cast<std::size_t>(first_run_[static_cast<std::size_t>(before >> kBlock)]);
     while (run + 1 < runs_.size() && runs_[run + 1].begin <= before) ++run;
+    return run;
+  }
+  [[nodiscard]] Offset place_in(std::size_t run, Offset before) const {
     const Run& r = runs_[run];
     return r.listed < 0 ? before + r.shift : listed_[static_cast<std::size_t>(r.listed + before - r.begin)];
   }
 
- private:
   static constexpr int kBlock = 9;  // runs are found from the first of each 512 entries on
   struct Run {
     Offset begin, shift, listed;  // listed: place in listed_; -1: all have moved by `shift`
@@ -42,6 +68,10 @@ struct KeptEntries {
   const Plan& before;
   std::span<const Index> same;  ///< by front; that of `before` with the same pivots, rows and entries; -1: none
   const SourceMap& now;
+  /// By front; that of `before` with the same pivots in the same order, whose entries were these but for `added` and
+  /// `removed`; -1: none. Empty: not known.
+  std::span<const Index> with_pivots = {};
+  std::span<const std::pair<Index, Index>> added = {}, removed = {};  ///< row, column
 };
 
 }  // namespace espalier::plan

@@ -56,13 +56,14 @@ struct Analysis {
   std::shared_ptr<const System> system;
   DeviceChoice device;  ///< where it will be factorized
   plan::Plan plan;
-  Index moved_pivots = 0;        ///< columns moved to later fronts since analyze()
-  bool free_pivots = false;      ///< the host's own widths of tiles, whatever the caller asked for
-  bool fp64 = false;             ///< whatever the caller asked for: see Context::raised
-  double gain_of_single = 1;     ///< Precision::automatic: see gain_of_single()
-  Offset fill_of_ordering = 0;   ///< entries of the factor, and
-  double flops_of_ordering = 0;  ///< work, when all of it was ordered the last time
-  AnalysisResult result = {};    ///< what analyze() tells the caller
+  Index moved_pivots = 0;             ///< columns moved to later fronts since analyze()
+  bool free_pivots = false;           ///< the host's own widths of tiles, whatever the caller asked for
+  bool fp64 = false;                  ///< whatever the caller asked for: see Context::raised
+  double gain_of_single = 1;          ///< Precision::automatic: see gain_of_single()
+  Offset fill_of_ordering = 0;        ///< entries of the factor, and
+  double flops_of_ordering = 0;       ///< work, when all of it was ordered the last time
+  Offset changed_since_ordering = 0;  ///< entries that have come or gone since then
+  AnalysisResult result = {};         ///< what analyze() tells the caller
 
   [[nodiscard]] Kind kind() const { return system->kind; }
   [[nodiscard]] Index n() const { return system->prepared.n(); }
@@ -92,9 +93,9 @@ struct Analyzed {
 Analyzed analyze(const GivenMatrix& a, const Context& context, std::shared_ptr<const Border> border = nullptr);
 /// From a file of write_analysis().
 Analyzed load_analysis(const std::string& path, const GivenMatrix& a, const Context& context);
-/// The same system for ldlt, with these values; the caller's values still go where they went.
 /// The same with what was read, of a matrix that was checked. @param path  for messages
 Analyzed analysis_from(const std::string& path, SavedAnalysis saved, const GivenMatrix& given, const Context& context);
+/// The same system for ldlt, with these values; the caller's values still go where they went.
 Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, const Context& context);
 
 /// What changes when a plan is laid out anew: pivots were moved, or other devices take over.
@@ -111,8 +112,14 @@ struct FollowedAnalysis {
   std::string why;
   Offset added = 0, removed = 0;  ///< entries
   Index moved = 0, kept = 0;      ///< unknowns; fronts
+  bool reordered = false;         ///< by the order that was made beside the work
 };
-FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& a, const Context& context);
+class FreshOrder;
+/// @param fresh  an order that is being made; null: none. It is taken when it is due and the factor becomes smaller by
+/// it
+/// @throws Error(singular) naming rows of which no entry is left, where singular matrices are errors
+FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& a, const Context& context,
+                                FreshOrder* fresh = nullptr);
 
 /// The same system with this tree.
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,

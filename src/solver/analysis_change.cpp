@@ -2,12 +2,16 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "analysis/tree_change.hpp"
 #include "base/at.hpp"
+#include "plan/front_cost.hpp"
 #include "plan/kept_entries.hpp"
 #include "solver/analysis_draft.hpp"
+#include "solver/fresh_order.hpp"
+#include "solver/pattern_difference.hpp"
 #include "solver/whole_plan.hpp"
 
 namespace espalier::solver {
@@ -16,77 +20,10 @@ namespace {
 
 // Beyond these, a new order is worth its time.
 constexpr double kMostChanged = 0.1;  // of all entries, added or removed
-constexpr double kMostFill = 1.05;    // over that of the last full analysis
+constexpr double kMostFill = 1.05;    // over that of the last order
 constexpr double kMostFlops = 1.15;
 
 using Edge = analysis::PatternChange::Edge;
-
-// Entries (row, column) that only one of two columns has.
-void compare_column(std::span<const Index> before, std::span<const Index> now, Index col, std::vector<Edge>& removed,
-                    std::vector<Edge>& added) {
-  std::vector<Index> x(before.begin(), before.end()), y(now.begin(), now.end()), only;
-  std::sort(x.begin(), x.end());
-  std::sort(y.begin(), y.end());
-  std::set_difference(x.begin(), x.end(), y.begin(), y.end(), std::back_inserter(only));
-  for (const Index r : only) removed.emplace_back(r, col);
-  only.clear();
-  std::set_difference(y.begin(), y.end(), x.begin(), x.end(), std::back_inserter(only));
-  for (const Index r : only) added.emplace_back(r, col);
-}
-
-struct Difference {
-  std::vector<Edge> added, removed;  // (row, column)
-  std::vector<Index> columns;        // in which entries came, went, or stand in another order
-};
-
-std::span<const Index> column_of(const MatrixView& a, Index c) {
-  return a.row_ind.subspan(static_cast<std::size_t>(a.col_ptr[at(c)]),
-                           static_cast<std::size_t>(a.col_ptr[at(c) + 1] - a.col_ptr[at(c)]));
-}
-
-Difference compare(const MatrixView& before, const MatrixView& now, base::ThreadPool& pool) {
-  constexpr std::int64_t kColumns = 4096;  // per range
-  std::vector<Difference> parts(static_cast<std::size_t>((now.cols + kColumns - 1) / kColumns));
-  pool.for_each_range(now.cols, kColumns, [&](std::int64_t begin, std::int64_t end) {
-    Difference& mine = parts[static_cast<std::size_t>(begin / kColumns)];
-    for (auto c = static_cast<Index>(begin); c < end; ++c) {
-      const auto x = column_of(before, c), y = column_of(now, c);
-      if (std::equal(x.begin(), x.end(), y.begin(), y.end())) continue;
-      mine.columns.push_back(c);
-      compare_column(x, y, c, mine.removed, mine.added);
-    }
-  });
-  Difference all;
-  for (const Difference& d : parts) {
-    all.added.insert(all.added.end(), d.added.begin(), d.added.end());
-    all.removed.insert(all.removed.end(), d.removed.begin(), d.removed.end());
-    all.columns.insert(all.columns.end(), d.columns.begin(), d.columns.end());
-  }
-  return all;
-}
-
-// Of entries that are gone: -1.
-plan::SourceMap sources(const MatrixView& before, const MatrixView& now, const std::vector<Index>& changed) {
-  plan::SourceMap map;
-  map.move(0, 0);
-  std::vector<std::pair<Index, Offset>> place;  // row, entry
-  std::vector<Offset> found;
-  for (const Index c : changed) {
-    place.clear();
-    found.clear();
-    for (Offset q = now.col_ptr[at(c)]; q < now.col_ptr[at(c) + 1]; ++q)
-      place.emplace_back(now.row_ind[static_cast<std::size_t>(q)], q);
-    std::sort(place.begin(), place.end());
-    for (const Index r : column_of(before, c)) {
-      const auto here = std::lower_bound(place.begin(), place.end(), std::pair<Index, Offset>{r, 0});
-      found.push_back(here != place.end() && here->first == r ? here->second : -1);
-    }
-    map.list(before.col_ptr[at(c)], found);
-    map.move(before.col_ptr[at(c) + 1], now.col_ptr[at(c) + 1] - before.col_ptr[at(c) + 1]);
-  }
-  map.close(before.nonzeros());
-  return map;
-}
 
 // Entries of the matrix as edges between columns (a row is its column by the matching), and those of the diagonal.
 std::vector<Edge> edges_of(const std::vector<Edge>& entries, const std::vector<Index>& column_of_row,
@@ -134,69 +71,8 @@ std::string reason_against(const Analysis& before, const MatrixView& a, const Co
   return {};
 }
 
-}  // namespace
-
-namespace {
-
-// Entries of the row index that have come: row, column, place.
-struct NewEntry {
-  Index row, col;
-  Offset source;
-};
-
-std::vector<NewEntry> new_of_index(const MatrixView& a, const std::vector<Edge>& added) {
-  std::vector<NewEntry> list;
-  for (const auto& [row, col] : added) {
-    if (a.storage != Storage::general && row == col) continue;
-    const auto column = column_of(a, col);
-    const auto place = std::find(column.begin(), column.end(), row) - column.begin();
-    list.push_back({row, col, a.col_ptr[at(col)] + place});
-  }
-  std::sort(list.begin(), list.end(),
-            [](const NewEntry& x, const NewEntry& y) { return x.row != y.row ? x.row < y.row : x.col < y.col; });
-  return list;
-}
-
-// The index of `a` from that of the pattern before: sources have moved, some entries have gone, others come in between.
-std::shared_ptr<const matrix::RowIndex> follow_rows(const matrix::RowIndex& was, const MatrixView& a,
-                                                    const Difference& difference, const plan::SourceMap& now,
-                                                    base::ThreadPool& pool) {
-  constexpr std::int64_t kRows = 4096;  // per range
-  auto made = std::make_shared<matrix::RowIndex>();
-  if (was.ptr.empty()) return made;
-  const std::vector<NewEntry> added = new_of_index(a, difference.added);
-  made->ptr.assign(was.ptr.size(), 0);
-  for (std::size_t r = 0; r + 1 < was.ptr.size(); ++r) made->ptr[r + 1] = was.ptr[r + 1] - was.ptr[r];
-  for (const NewEntry& e : added) ++made->ptr[at(e.row) + 1];
-  for (const auto& [row, col] : difference.removed)
-    if (a.storage == Storage::general || row != col) --made->ptr[at(row) + 1];
-  for (std::size_t r = 0; r + 1 < made->ptr.size(); ++r) made->ptr[r + 1] += made->ptr[r];
-  made->col = base::Buffer<Index>(made->ptr.back(), nullptr);
-  made->source = base::Buffer<Offset>(made->ptr.back(), nullptr);
-  pool.for_each_range(a.rows, kRows, [&](std::int64_t begin, std::int64_t end) {
-    auto next = std::lower_bound(added.begin(), added.end(), begin,
-                                 [](const NewEntry& e, std::int64_t row) { return e.row < row; });
-    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) {
-      Offset to = made->ptr[r];
-      const auto put = [&](Index col, Offset source) {
-        made->col[to] = col;
-        made->source[to++] = source;
-      };
-      const auto put_new = [&](Index before) {
-        for (; next != added.end() && at(next->row) == r && next->col < before; ++next) put(next->col, next->source);
-      };
-      for (Offset q = was.ptr[r]; q < was.ptr[r + 1]; ++q) {
-        put_new(was.col[q]);
-        if (const Offset source = now(was.source[q]); source >= 0) put(was.col[q], source);
-      }
-      put_new(a.cols);
-    }
-  });
-  return made;
-}
-
 analysis::ChangedTree follow_tree(const analysis::AssemblyTree& before, const System& system,
-                                  const Difference& difference, base::ThreadPool& pool) {
+                                  const PatternDifference& difference, base::ThreadPool& pool) {
   const PreparedMatrix& p = system.prepared;
   std::vector<Index> column_of_row(p.row_of_col.size()), diagonal;
   for (std::size_t c = 0; c < p.row_of_col.size(); ++c) column_of_row[at(p.row_of_col[c])] = static_cast<Index>(c);
@@ -208,7 +84,7 @@ analysis::ChangedTree follow_tree(const analysis::AssemblyTree& before, const Sy
 }
 
 // Why the entries that came and went are too many, or the wrong ones; empty: they are not.
-std::string reason_against(const PreparedMatrix& was, const Difference& difference) {
+std::string reason_against(const PreparedMatrix& was, const PatternDifference& difference) {
   const auto changed = static_cast<double>(difference.added.size() + difference.removed.size());
   if (changed > kMostChanged * static_cast<double>(was.a.nonzeros()))
     return fmt::format("{:.0f} % of the entries have come or gone",
@@ -217,22 +93,117 @@ std::string reason_against(const PreparedMatrix& was, const Difference& differen
   return {};
 }
 
-std::string reason_against(const Analysis& before, const plan::Plan& plan) {
+std::string reason_against(const Analysis& made) {
   const double fill =
-      static_cast<double>(plan.nonzeros_factor) / static_cast<double>(std::max<Offset>(1, before.fill_of_ordering));
-  const double flops = plan.flops / std::max(1.0, before.flops_of_ordering);
+      static_cast<double>(made.plan.nonzeros_factor) / static_cast<double>(std::max<Offset>(1, made.fill_of_ordering));
+  const double flops = made.plan.flops / std::max(1.0, made.flops_of_ordering);
   if (fill <= kMostFill && flops <= kMostFlops) return {};
-  return fmt::format(
-      "the factor would have {:.3f} times the entries and the work {:.3f} times that of the last full "
-      "analysis",
-      fill, flops);
+  return fmt::format("the factor would have {:.3f} times the entries and the work {:.3f} times that of the last order",
+                     fill, flops);
+}
+
+// Rows (columns) of which nothing is left.
+void refuse_empty_rows(const MatrixView& a, const matrix::RowIndex& rows, const PatternDifference& difference) {
+  const auto row_has_entries = [&](Index r) {
+    if (!rows.ptr.empty() && rows.ptr[at(r) + 1] > rows.ptr[at(r)]) return true;
+    return a.storage != Storage::general && a.col_ptr[at(r) + 1] > a.col_ptr[at(r)];
+  };
+  std::vector<Index> empty, columns;
+  for (const auto& [row, col] : difference.removed) {
+    if (!row_has_entries(row)) empty.push_back(row);
+    if (a.storage == Storage::general && a.col_ptr[at(col) + 1] == a.col_ptr[at(col)]) columns.push_back(col);
+    if (a.storage != Storage::general && !row_has_entries(col)) empty.push_back(col);
+  }
+  const auto refuse = [](std::vector<Index> list, const std::string& what) {
+    if (list.empty()) return;
+    std::sort(list.begin(), list.end());
+    list.erase(std::unique(list.begin(), list.end()), list.end());
+    throw Error(
+        StatusCode::singular,
+        fmt::format("the changed matrix is structurally singular: no entry is left in {}{}; give it entries, or "
+                    "leave it out",
+                    what, name_rows(list)),
+        list.front());
+  };
+  refuse(std::move(empty), "");
+  refuse(std::move(columns), "what is now an empty column, as ");
+}
+
+Offset entries_of(const analysis::AssemblyTree& tree) {
+  Offset entries = 0;
+  for (Index f = 0; f < tree.fronts(); ++f) {
+    const Offset k = tree.pivots(f);
+    entries += k * (k + tree.rows_below(f)) - k * (k - 1) / 2;
+  }
+  return entries;
+}
+
+double flops_of(const analysis::AssemblyTree& tree) {
+  double flops = 0;
+  for (Index f = 0; f < tree.fronts(); ++f)
+    flops += plan::front_flops(tree.pivots(f), tree.pivots(f) + tree.rows_below(f), false);
+  return flops;
+}
+
+// Seconds of the parts of the work, for the log.
+class Laps {
+ public:
+  void add(const char* part) {
+    const double now = base::now_seconds();
+    text_ += fmt::format("{}{} {:.4f} s", text_.empty() ? "" : ", ", part, now - last_);
+    last_ = now;
+  }
+  [[nodiscard]] const std::string& text() const { return text_; }
+
+ private:
+  double last_ = base::now_seconds();
+  std::string text_;
+};
+
+// How an analysis goes on.
+struct NextTree {
+  analysis::ChangedTree followed;
+  bool reordered = false;
+  double fill = 0, flops = 0;  // of an order for this pattern, over those of the tree; 0: none was made
+};
+
+// What the fresh order comes to is known either way: the promises count from it.
+NextTree next_tree(const Analysis& before, const System& system, const PatternDifference& difference, FreshOrder* fresh,
+                   const Context& context) {
+  constexpr double kWorthIt = 1.005;
+  const bool part = !before.plan.row_begin.empty();
+  const analysis::AssemblyTree parts = part ? whole_tree(before.plan, context.link) : analysis::AssemblyTree();
+  NextTree next{follow_tree(part ? parts : before.plan.tree, system, difference, context.pool), false, 0, 0};
+  const auto changed = static_cast<Offset>(difference.added.size() + difference.removed.size());
+  if (fresh == nullptr || !fresh->is_due(changed) || !fresh->fits(before)) return next;
+  const std::optional<analysis::AssemblyTree> ordered = fresh->take(context.pool);
+  if (!ordered) {
+    context.log("the order beside the work could not be made: there was no memory for it");
+    return next;
+  }
+  const PatternDifference since = compare_patterns(fresh->system().prepared.a, system.prepared.a, context.pool);
+  analysis::ChangedTree other = follow_tree(*ordered, system, since, context.pool);
+  const analysis::AssemblyTree& mine = next.followed.tree;
+  next.fill = static_cast<double>(entries_of(other.tree)) / static_cast<double>(entries_of(mine));
+  next.flops = flops_of(other.tree) / flops_of(mine);
+  context.log(fmt::format("the order that was made beside the work: {:.4f} times the entries, {:.4f} times the work",
+                          next.fill, next.flops));
+  if (next.fill * kWorthIt >= 1 && next.flops * kWorthIt >= 1) return next;
+  next.reordered = true;
+  next.fill = next.flops = 1;
+  other.kept = 0;
+  next.followed = std::move(other);
+  return next;
 }
 
 }  // namespace
 
-FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given, const Context& context) {
+FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given, const Context& context,
+                                FreshOrder* fresh) {
   const double start = base::now_seconds();
+  Laps laps;
   check_matrix(given, context.pool);
+  laps.add("check");
   FollowedAnalysis followed;
   followed.why = reason_against(before, given, context);
   if (!followed.why.empty()) return followed;
@@ -244,32 +215,49 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   system->kind = before.kind();
   system->kind_may_change = before.system->kind_may_change;
   PreparedMatrix& p = system->prepared = prepare_matrix(a, before.kind(), context.pool);
-  const Difference difference = compare(was.a, p.a, context.pool);
+  laps.add("copy");
+  const PatternDifference difference = compare_patterns(was.a, p.a, context.pool);
+  laps.add("comparison");
   followed.added = static_cast<Offset>(difference.added.size());
   followed.removed = static_cast<Offset>(difference.removed.size());
+  system->rows = follow_rows(*before.system->index_of_all(context.pool), was.a, p.a, difference, context.pool);
+  laps.add("rows");
+  if (context.options.singular == SingularMatrix::error) refuse_empty_rows(p.a, *system->rows, difference);
   followed.why = reason_against(was, difference);
   if (!followed.why.empty()) return followed;
   take_over(was, p);
-  const plan::SourceMap now = sources(was.a, p.a, difference.columns);
-  system->rows = follow_rows(*before.system->index_of_all(context.pool), p.a, difference, now, context.pool);
-  analysis::ChangedTree tree = follow_tree(whole_tree(before.plan, context.link), *system, difference, context.pool);
+  NextTree next = next_tree(before, *system, difference, fresh, context);
+  analysis::ChangedTree& tree = next.followed;
+  followed.reordered = next.reordered;
   followed.moved = tree.moved;
   followed.kept = tree.kept;
+  laps.add("tree");
   const double ordered = base::now_seconds();
   Values values = std::exchange(p.a.values, {});
-  const plan::KeptEntries kept{before.plan, tree.same, now};
-  const bool whole = before.plan.row_begin.empty();  // a rank's next part has other fronts
+  const plan::KeptEntries kept{before.plan,      tree.same,        difference.now,
+                               tree.with_pivots, difference.added, difference.removed};
+  // A rank's next part has other fronts.
+  const bool keeps = before.plan.row_begin.empty() && !next.reordered;
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, before.device, context);
   Context as_before = context;
   as_before.raised = before.fp64;
-  auto made = std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
-                                                 {before.device, before.moved_pivots, before.free_pivots}, as_before,
-                                                 rows.get(), whole ? &kept : nullptr));
-  followed.why = reason_against(before, made->plan);
-  if (!followed.why.empty()) return followed;
+  auto made =
+      std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
+                                         {before.device, next.reordered ? 0 : before.moved_pivots, before.free_pivots},
+                                         as_before, rows.get(), keeps ? &kept : nullptr));
+  laps.add("plan");
+  context.log("the changed pattern was followed: " + laps.text());
   made->gain_of_single = before.gain_of_single;
   made->fill_of_ordering = before.fill_of_ordering;
   made->flops_of_ordering = before.flops_of_ordering;
+  made->changed_since_ordering = before.changed_since_ordering + followed.added + followed.removed;
+  if (next.fill > 0) {
+    made->fill_of_ordering = static_cast<Offset>(next.fill * static_cast<double>(made->plan.nonzeros_factor));
+    made->flops_of_ordering = next.flops * made->plan.flops;
+    made->changed_since_ordering = 0;
+  }
+  followed.why = reason_against(*made);
+  if (!followed.why.empty()) return followed;
   made->result.ordering_seconds = ordered - start;
   made->result.plan_seconds = base::now_seconds() - ordered;
   describe(*made, as_before);

@@ -115,11 +115,13 @@ int analyze_change(espalier_solver* solver, const Matrix* a, std::int32_t* anew,
     const espalier::solver::CMatrix matrix(*a, false);
     require(!matrix.complex(), "the numbers are not those of the analysed matrix");
     const espalier::ChangeResult result = cpp.analyze_change(matrix.view());
-    s.rows = matrix.view().rows;
-    s.nonzeros = matrix.view().nonzeros();
-    s.transposed = matrix.transposed();
-    s.by_rows = matrix.by_rows();
-    s.null_space = {};
+    if (result.analysis.status.ok()) {  // else the solver is as it was
+      s.rows = matrix.view().rows;
+      s.nonzeros = matrix.view().nonzeros();
+      s.transposed = matrix.transposed();
+      s.by_rows = matrix.by_rows();
+      s.null_space = {};
+    }
     hand_out(result.analysis, info);
     if (anew != nullptr) *anew = result.full ? 1 : 0;
     return to_caller(s, result.analysis.status, result.analysis.kind);

@@ -119,24 +119,25 @@ void Session::agree_on_threads() {
 }
 
 void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border) {
+  fresh_.reset();
   factor.reset();
   agree_on_threads();
   open_devices();
   take(solver::analyze(a, context, std::move(border)));
 }
 
+// What fails leaves the analysis and its factor as they are.
 ChangeResult Session::analyze_change(const MatrixView& a) {
   ChangeResult result;
-  FollowedAnalysis followed = follow_pattern(current(), a, context);
+  FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get());
+  if (fresh_ != nullptr && fresh_->done()) fresh_.reset();
   result.added_entries = followed.added;
   result.removed_entries = followed.removed;
   result.full = followed.made.analysis == nullptr;
   result.why = std::move(followed.why);
-  if (result.full) {
-    context.log("the pattern is analyzed anew: " + result.why);
-    analyze(a);
-    return result;
-  }
+  if (result.full) return analyze_anew(a, std::move(result));
+  result.entries_of_order = followed.made.analysis->fill_of_ordering;
+  result.reordered = followed.reordered;
   result.moved_unknowns = followed.moved;
   result.kept_fronts = followed.kept;
   context.log(fmt::format(
@@ -145,14 +146,48 @@ ChangeResult Session::analyze_change(const MatrixView& a) {
       followed.added, followed.removed, followed.moved, followed.kept, followed.made.analysis->plan.fronts()));
   factor.reset();
   take(std::move(followed.made));
+  watch_drift();
   return result;
 }
 
+ChangeResult Session::analyze_anew(const MatrixView& a, ChangeResult result) {
+  context.log("the pattern is analyzed anew: " + result.why);
+  if (link() != nullptr) {
+    analyze(a);
+    result.entries_of_order = current().fill_of_ordering;
+    return result;
+  }
+  agree_on_threads();
+  open_devices();
+  const base::Stage stage("analysis");
+  Ordered ordered = order(a, context);  // may find that it is none for a factorization
+  fresh_.reset();
+  factor.reset();  // devices are chosen by the memory that is free
+  take(finish(std::move(ordered), context));
+  result.entries_of_order = current().fill_of_ordering;
+  return result;
+}
+
+void Session::watch_drift() {
+  const bool may = link() == nullptr && options.permutation.empty() && !current().system->border;
+  if (!may || fresh_ != nullptr || !has_drifted(current())) return;
+  context.log("the pattern has drifted: an order for it is made beside the work");
+  constexpr Offset kEntriesEach = 1 << 17;  // of a thread
+  const Offset most = std::max(1, pool.size() / 2), wanted = current().system->prepared.a.nonzeros() / kEntriesEach;
+  fresh_ = std::make_unique<FreshOrder>(current(), static_cast<int>(std::clamp<Offset>(wanted, 1, most)));
+}
+
 void Session::load_analysis(const std::string& path, const GivenMatrix& a) {
+  fresh_.reset();
   factor.reset();
   agree_on_threads();
   open_devices();
   take(solver::load_analysis(path, a, context));
+}
+
+void Session::take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a) {
+  open_devices();
+  take(analysis_from(path, std::move(saved), a, context));
 }
 
 void Session::analyze_given(const GivenMatrix& a) {
@@ -185,11 +220,6 @@ void Session::take(Analyzed made) {
 // A driver's start and the contexts take as long as an analysis.
 void Session::open_devices() {
   if (opening.valid()) return;
-void Session::take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a) {
-  open_devices();
-  take(analysis_from(path, std::move(saved), a, context));
-}
-
   auto named = named_devices(options.device, context.registry);
   if (!named || !named->backend->limits().own_memory) return;
   if (link() != nullptr) named->numbers = {*own_device(options, context.registry, *link())};

@@ -12,6 +12,7 @@
 #include "solver/analysis.hpp"
 #include "solver/context.hpp"
 #include "solver/factor.hpp"
+#include "solver/fresh_order.hpp"
 #include "solver/gathered_matrix.hpp"
 
 namespace espalier::solver {
@@ -35,9 +36,9 @@ class Session {
   /// Both begin with nothing and end with a factor that has no numbers yet.
   void analyze(const GivenMatrix& a, std::shared_ptr<const Border> border = nullptr);
   void load_analysis(const std::string& path, const GivenMatrix& a);
-  /// From the analysis that is there, where little has changed. @pre factor
   /// The same with what was read from a file, in a session that has done nothing yet.
   void take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a);
+  /// From the analysis that is there, where little has changed. @pre factor
   ChangeResult analyze_change(const MatrixView& a);
   /// The same of what the caller gives: with ranks, of rank 0's matrix.
   void analyze_given(const GivenMatrix& a);
@@ -94,6 +95,10 @@ class Session {
   void agree_on_threads();
   void open_devices();
   void take(Analyzed made);
+  ChangeResult analyze_anew(const MatrixView& a, ChangeResult result);
+  void watch_drift();
+
+  std::unique_ptr<FreshOrder> fresh_;  // null: no order is being made beside the work
 };
 
 /// See Solver::tiers().

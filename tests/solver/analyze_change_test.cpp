@@ -4,6 +4,12 @@
 #include "analysis/ordering.hpp"
 #include "analysis/tree_change.hpp"
 #include "analysis/verify.hpp"
+#include "matrix/generators/changing_body.hpp"
+#include "plan/kept_entries.hpp"
+#include "plan/plan.hpp"
+#include "solve/residual.hpp"
+#include "solver/pattern_difference.hpp"
+#include "solver/prepared_matrix.hpp"
 #include "solver_common.hpp"
 #include "verdict/changes.hpp"
 
@@ -114,6 +120,73 @@ TEST(AnalyzeChange, TreesAreValidAndTheirRowsExact) {
   }
 }
 
+void expect_equal(const matrix::RowIndex& mine, const matrix::RowIndex& theirs) {
+  EXPECT_EQ(mine.ptr, theirs.ptr);
+  ASSERT_EQ(mine.col.size(), theirs.col.size());
+  for (Offset q = 0; q < mine.col.size(); ++q) {
+    ASSERT_EQ(mine.col[q], theirs.col[q]) << q;
+    ASSERT_EQ(mine.source[q], theirs.source[q]) << q;
+  }
+}
+
+void expect_equal_entries(const plan::Plan& mine, const plan::Plan& theirs) {
+  EXPECT_EQ(mine.entry_ptr, theirs.entry_ptr);
+  ASSERT_EQ(mine.entries.size(), theirs.entries.size());
+  for (std::size_t q = 0; q < mine.entries.size(); ++q) {
+    const plan::EntryPlace &m = mine.entries[q], &t = theirs.entries[q];
+    ASSERT_TRUE(m.source() == t.source() && m.row() == t.row() && m.col() == t.col() &&
+                m.transposed() == t.transposed())
+        << q << ": " << m.source() << " (" << m.row() << ", " << m.col() << "), not " << t.source() << " (" << t.row()
+        << ", " << t.col() << ")";
+  }
+}
+
+// Truth: indices and plans that know of no pattern before.
+TEST(AnalyzeChange, FollowedPlansHaveTheEntriesOfNewOnes) {
+  base::ThreadPool pool(2);
+  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
+    verdict::ChangingSystem system(static_cast<int>(seed % 7), static_cast<Index>(30 + 5 * seed), seed);
+    const bool general = system.matrix().storage == Storage::general;
+    const Storage storages[] = {Storage::symmetric_lower, Storage::symmetric_upper, Storage::symmetric_both};
+    const Storage storage = general ? Storage::general : storages[seed % 3];
+    SCOPED_TRACE(testing::Message() << system.name() << ", seed " << seed);
+    plan::PlanOptions options;
+    options.unsymmetric = general;
+    if (seed % 2 == 0) options.tiles.whole_rows = options.tiles.max_block_size = 16;
+    const auto prepared = [&] {  // each entry once
+      return solver::prepare_matrix(MatrixView(reference::stored_as(system.matrix(), storage)),
+                                    general ? Kind::lu : Kind::llt, pool)
+          .a;
+    };
+    solver::StoredMatrix a = prepared();
+    auto rows = solve::ResidualOperator::rows_of(a, pool);
+    plan::Plan plan =
+        plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {}, options, pool);
+    for (int k = 0; k < 4; ++k) {
+      system.change();
+      solver::StoredMatrix b = prepared();
+      const MatrixView view = b;
+      const solver::PatternDifference d = solver::compare_patterns(a, view, pool);
+      rows = solver::follow_rows(*rows, a, view, d, pool);
+      expect_equal(*rows, *solve::ResidualOperator::rows_of(view, pool));
+      analysis::PatternChange change{{}, {}, {}, view, *rows};
+      for (auto [from, to] : {std::pair{&d.added, &change.added}, std::pair{&d.removed, &change.removed}})
+        for (const auto& [r, c] : *from) {
+          if (r == c)
+            change.diagonal.push_back(c);
+          else
+            to->emplace_back(r, c);
+        }
+      const analysis::ChangedTree t = analysis::change_tree(plan.tree, change, pool);
+      const plan::KeptEntries kept{plan, t.same, d.now, t.with_pivots, d.added, d.removed};
+      plan::Plan followed = plan::make_plan(t.tree, view, {}, options, pool, rows.get(), &kept);
+      expect_equal_entries(followed, plan::make_plan(t.tree, view, {}, options, pool));
+      plan = std::move(followed);
+      a = std::move(b);
+    }
+  }
+}
+
 TEST(AnalyzeChange, OrdersAnewWhereItMustAndSaysWhy) {
   const SparseMatrix a = reference::random_system(50, 3, reference::Values::positive, 1);
   Solver solver(two_threads());
@@ -138,15 +211,174 @@ TEST(AnalyzeChange, OrdersAnewWhereItMustAndSaysWhy) {
   EXPECT_NE(ordered.analyze_change(a).why.find("caller"), std::string::npos);
 }
 
-TEST(AnalyzeChange, BadMatricesLeaveNothing) {
+// The factor of before still solves its system, and takes new values.
+void expect_usable(Solver& solver, const SparseMatrix& a) {
+  ASSERT_EQ(solver.state(), Solver::State::factorized);
+  expect_small_error(solver, a);
+  ASSERT_TRUE(solver.factorize(a).status.ok());
+  expect_small_error(solver, a);
+}
+
+TEST(AnalyzeChange, BadMatricesLeaveTheFactorAsItWas) {
   const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
   Solver solver(two_threads());
   ASSERT_TRUE(solver.analyze(a).status.ok());
+  ASSERT_TRUE(solver.factorize(a).status.ok());
+  const auto refused = [&](const SparseMatrix& bad, const std::string& what) {
+    const ChangeResult r = solver.analyze_change(bad);
+    EXPECT_EQ(r.analysis.status.code, StatusCode::invalid_input) << what;
+    EXPECT_FALSE(r.analysis.status.message.empty()) << what;
+    expect_usable(solver, a);
+  };
   SparseMatrix bad = a;
   bad.values[3] = std::numeric_limits<double>::quiet_NaN();
-  const ChangeResult r = solver.analyze_change(bad);
-  EXPECT_EQ(r.analysis.status.code, StatusCode::invalid_input);
-  EXPECT_EQ(solver.state(), Solver::State::empty);
+  refused(bad, "not a number");
+  for (const Index row : {Index{-1}, Index{20}, std::numeric_limits<Index>::max(), std::numeric_limits<Index>::min()}) {
+    bad = a;
+    bad.row_ind[5] = row;
+    refused(bad, "row " + std::to_string(row));
+  }
+  bad = a;
+  bad.col_ptr[4] = bad.col_ptr[5] + 1;
+  refused(bad, "pointers that fall");
+  bad = a;
+  bad.values.pop_back();
+  refused(bad, "a value is missing");
+}
+
+// Without the entries (u, v) and (v, u) of one unknown.
+SparseMatrix without_unknown(const SparseMatrix& a, Index gone) {
+  std::vector<reference::Triple> t;
+  for (Index c = 0; c < a.cols; ++c)
+    for (Offset q = a.col_ptr[static_cast<std::size_t>(c)]; q < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
+      if (const Index r = a.row_ind[static_cast<std::size_t>(q)]; r != gone && c != gone)
+        t.push_back({r, c, a.values[static_cast<std::size_t>(q)]});
+  return reference::from_triples(a.cols, t, a.storage);
+}
+
+TEST(AnalyzeChange, EmptyRowsAreNamedAndTheFactorStays) {
+  const std::pair<Kind, reference::Values> kinds[] = {{Kind::llt, reference::Values::positive},
+                                                      {Kind::ldlt, reference::Values::indefinite},
+                                                      {Kind::lu, reference::Values::general}};
+  for (const auto& [kind, values] : kinds) {
+    const SparseMatrix a = reference::random_system(80, 3, values, 5);
+    Options o = two_threads();
+    o.kind = kind;
+    Solver solver(o);
+    ASSERT_TRUE(solver.analyze(a).status.ok());
+    ASSERT_TRUE(solver.factorize(a).status.ok());
+    const ChangeResult r = solver.analyze_change(without_unknown(a, 17));
+    EXPECT_EQ(r.analysis.status.code, StatusCode::singular);
+    EXPECT_EQ(r.analysis.status.row, 17);
+    EXPECT_NE(r.analysis.status.message.find("row 17"), std::string::npos) << r.analysis.status.message;
+    expect_usable(solver, a);
+  }
+}
+
+TEST(AnalyzeChange, DuplicatesAreSummed) {
+  const SparseMatrix a = natural_elasticity(5), b = with_springs(a, 5, 2);
+  SparseMatrix twice = b;
+  twice.row_ind.clear();
+  twice.values.clear();
+  twice.col_ptr.assign(1, 0);
+  for (Index c = 0; c < b.cols; ++c) {
+    for (Offset q = b.col_ptr[static_cast<std::size_t>(c)]; q < b.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
+      for (const double part : {0.25, 0.75}) {
+        twice.row_ind.push_back(b.row_ind[static_cast<std::size_t>(q)]);
+        twice.values.push_back(part * b.values[static_cast<std::size_t>(q)]);
+      }
+    twice.col_ptr.push_back(static_cast<Offset>(twice.row_ind.size()));
+  }
+  Solver solver(two_threads());
+  ASSERT_TRUE(solver.analyze(a).status.ok());
+  const ChangeResult r = solver.analyze_change(twice);
+  ASSERT_TRUE(r.analysis.status.ok()) << r.analysis.status.message;
+  EXPECT_FALSE(r.full) << r.why;
+  ASSERT_TRUE(solver.factorize(twice).status.ok());
+  expect_small_error(solver, b);
+}
+
+struct Sequence {
+  double fill = 0;  // at worst, over that of a fresh analysis
+  int anew = 0, reordered = 0;
+  std::vector<Offset> entries;  // of the factor, after each change
+  std::vector<double> x;        // with the last factor
+};
+
+Sequence follow_body(matrix::BodyChange sort, int threads, bool fresh) {
+  matrix::ChangingBody body(sort, 10, 0.01, 3);
+  Options o;
+  o.threads = threads;
+  Solver solver(o);
+  Sequence s;
+  SparseMatrix a = body.matrix();
+  EXPECT_TRUE(solver.analyze(a).status.ok());
+  for (int k = 1; k <= 100; ++k) {
+    body.change();
+    a = body.matrix();
+    const ChangeResult r = solver.analyze_change(a);
+    EXPECT_TRUE(r.analysis.status.ok()) << r.analysis.status.message;
+    s.entries.push_back(r.analysis.nonzeros_factor);
+    s.anew += r.full ? 1 : 0;
+    s.reordered += r.reordered ? 1 : 0;
+    if (!fresh || k % 20 != 0) continue;
+    Solver other(o);
+    s.fill = std::max(s.fill, static_cast<double>(r.analysis.nonzeros_factor) /
+                                  static_cast<double>(other.analyze(a).nonzeros_factor));
+  }
+  EXPECT_TRUE(solver.factorize(a).status.ok());
+  const std::vector<double> b = reference::random_vector(a.cols, 9);
+  s.x.resize(b.size());
+  EXPECT_LT(solver.solve(b, s.x).backward_error, 1e-14);
+  return s;
+}
+
+// Truth: fresh analyses. What is taken, and when, does not depend on threads or on time.
+TEST(AnalyzeChange, AHundredChangesStayNearAFreshOrder) {
+  int reordered = 0;
+  for (const auto sort : {matrix::BodyChange::contacts, matrix::BodyChange::elements, matrix::BodyChange::crack,
+                          matrix::BodyChange::remesh}) {
+    const Sequence two = follow_body(sort, 2, true);
+    EXPECT_LE(two.fill, 1.05) << "sort " << static_cast<int>(sort);
+    EXPECT_LT(two.anew, 10) << "sort " << static_cast<int>(sort);
+    reordered += two.reordered;
+    if (two.reordered == 0 || sort == matrix::BodyChange::elements) continue;
+    const Sequence one = follow_body(sort, 1, false);
+    EXPECT_EQ(one.entries, two.entries) << "sort " << static_cast<int>(sort);
+    EXPECT_EQ(one.reordered, two.reordered) << "sort " << static_cast<int>(sort);
+    EXPECT_EQ(one.x, two.x) << "sort " << static_cast<int>(sort);
+  }
+  EXPECT_GT(reordered, 0);
+}
+
+// An order that is being made is stopped by whatever ends it.
+TEST(AnalyzeChange, OrdersBesideTheWorkEndWithTheirSolver) {
+  matrix::ChangingBody body(matrix::BodyChange::remesh, 12, 0.03, 4);
+  std::string log;
+  Options o = two_threads();
+  o.log = [&](const std::string& line) { log += line + "\n"; };
+  const auto drift = [&](Solver& solver) {
+    log.clear();
+    for (int k = 0; k < 30 && log.find("made beside") == std::string::npos; ++k) {
+      body.change();
+      ASSERT_TRUE(solver.analyze_change(body.matrix()).analysis.status.ok());
+    }
+    ASSERT_NE(log.find("made beside"), std::string::npos);
+  };
+  Solver solver(o);
+  ASSERT_TRUE(solver.analyze(body.matrix()).status.ok());
+  drift(solver);
+  const SparseMatrix other = natural_elasticity(4);
+  ASSERT_TRUE(solver.analyze(other).status.ok());  // instead
+  ASSERT_TRUE(solver.factorize(other).status.ok());
+  expect_small_error(solver, other);
+  ASSERT_TRUE(solver.analyze(body.matrix()).status.ok());
+  drift(solver);
+  const SparseMatrix a = body.matrix();
+  Solver clone = solver.clone();
+  solver = Solver(o);  // and the thread with it
+  ASSERT_TRUE(clone.factorize(a).status.ok());
+  expect_small_error(clone, a);
 }
 
 TEST(AnalyzeChange, ClonesKeepTheirAnalysis) {

@@ -43,8 +43,7 @@ int main(int argc, char** argv) {
       std::printf("WRONG seed %llu, change %d: %s\n", static_cast<unsigned long long>(seed), k, v.wrong.c_str());
     }
   }
-  std::printf(
-      "%d changes: %d followed, %d analyzed anew, %d wrong; at most %.3f times the entries of the last full analysis\n",
-      done, done - full, full, wrong, most);
+  std::printf("%d changes: %d followed, %d analyzed anew, %d wrong; at most %.3f times the entries of the last order\n",
+              done, done - full, full, wrong, most);
   return wrong == 0 ? 0 : 1;
 }

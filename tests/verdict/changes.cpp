@@ -130,7 +130,8 @@ ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_
   verdict.full = changed.full;
   if (changed.analysis.status.code != analysis.status.code) wrong("analysis: " + changed.analysis.status.message);
   if (!changed.analysis.status.ok() || !analysis.status.ok()) return verdict;
-  if (changed.full) fill_of_ordering = changed.analysis.nonzeros_factor;
+  if (changed.full && changed.entries_of_order != changed.analysis.nonzeros_factor) wrong("promised from elsewhere");
+  fill_of_ordering = changed.entries_of_order;
   if (changed.full == changed.why.empty()) wrong("no reason is given, or one too many: " + changed.why);
   verdict.fill = static_cast<double>(changed.analysis.nonzeros_factor) /
                  static_cast<double>(std::max<Offset>(1, fill_of_ordering));
