@@ -4,8 +4,8 @@
     apt-get install petsc-dev python3-petsc4py python3-slepc4py python3-dolfinx
     /usr/bin/python3 tests/hosts/petsc.py --library build/release/hosts/libespalier_petsc.so [--quick]
 
-Each system is solved with PETSc's own default, with MUMPS, and with ours, and by two processes with ours; what is not
-installed is said to be skipped. Fails where errors are above 1e-10 (solutions and eigenvalues are known), eigenvalues are missing, or displacements differ.
+First random sequences of calls: petsc_sequences.c, which by itself runs as many as one likes. Then each system is solved with
+PETSc's own default, with MUMPS, and with ours, and by two processes with ours; what is not installed is said to be skipped. Fails where errors are above 1e-10 (solutions and eigenvalues are known), eigenvalues are missing, or displacements differ.
 """
 import argparse
 import importlib.util
@@ -15,6 +15,7 @@ import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
 import time
 
 
@@ -162,6 +163,21 @@ def differences(ours, own):
     return ""
 
 
+def sequences(library, count):
+    """petsc_sequences.c: random calls, in which no factor may be that of old values. Returns whether something was wrong."""
+    if shutil.which("mpicc") is None or shutil.which("pkg-config") is None:
+        print("skipped: mpicc or pkg-config is not installed")
+        return 0
+    source = pathlib.Path(__file__).with_name("petsc_sequences.c")
+    with tempfile.TemporaryDirectory() as folder:
+        flags = subprocess.run(["pkg-config", "--cflags", "--libs", "petsc"], check=True, capture_output=True, text=True).stdout.split()
+        program = pathlib.Path(folder) / "petsc_sequences"
+        subprocess.run(["mpicc", "-O1", source, *flags, "-lm", "-o", program], check=True)
+        environment = dict(os.environ, PETSC_OPTIONS=f"-dll_append {library} -pc_factor_mat_solver_type espalier", ESPALIER_OPTIONS="threads=1",
+                           OMPI_ALLOW_RUN_AS_ROOT="1", OMPI_ALLOW_RUN_AS_ROOT_CONFIRM="1")
+        return 1 if subprocess.run([program, str(count)], env=environment, check=False).returncode else 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--library", type=pathlib.Path)
@@ -180,7 +196,7 @@ def main():
     ours = (f"-dll_append {arguments.library.resolve()} -pc_factor_mat_solver_type espalier -st_pc_factor_mat_solver_type espalier")
     mumps = ("-pc_factor_mat_solver_type mumps -st_pc_factor_mat_solver_type mumps -mat_mumps_icntl_13 1 -st_mat_mumps_icntl_13 1 "
              "-mat_mumps_icntl_24 1 -st_mat_mumps_icntl_24 1")
-    results, wrong = [], 0
+    results, wrong = [], sequences(arguments.library.resolve(), 200 if arguments.quick else 2000)
     for task, (_, module) in TASKS.items():
         if importlib.util.find_spec(module) is None:
             print(f"skipped: {module} is not installed for this Python")

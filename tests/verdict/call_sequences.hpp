@@ -19,6 +19,7 @@ struct SequenceVerdict {
 };
 
 /// A sequence of `calls` calls, on real or complex numbers, with options, matrix and calls by the seed.
-SequenceVerdict run_sequence(std::uint64_t seed, int calls);
+/// @param device  of all solvers; empty: of the host, by the seed
+SequenceVerdict run_sequence(std::uint64_t seed, int calls, const std::string& device = {});
 
 }  // namespace espalier::verdict

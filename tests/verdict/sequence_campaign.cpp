@@ -1,7 +1,7 @@
 // Random sequences of calls: analyses, values in place, a few values, clones, files, and what must be refused between
 // them. A solution has to be that of the last values. Prints a line for every wrong one and a summary; exit code 1
 // where one was wrong.
-//   espalier_sequences [SEQUENCES [SEED [CALLS]]]     default: 1000 sequences, seed 1, 60 calls each
+//   espalier_sequences [SEQUENCES [SEED [CALLS [DEVICE]]]]     default: 1000 sequences, seed 1, 60 calls each, the host
 #include <cstdio>
 #include <cstdlib>
 
@@ -15,7 +15,7 @@ int main(int argc, char** argv) {
   int wrong = 0;
   for (int k = 0; k < sequences; ++k) {
     const std::uint64_t seed = first + static_cast<std::uint64_t>(k);
-    const espalier::verdict::SequenceVerdict v = espalier::verdict::run_sequence(seed, calls);
+    const espalier::verdict::SequenceVerdict v = espalier::verdict::run_sequence(seed, calls, argc > 4 ? argv[4] : "");
     all.calls += v.calls;
     all.solutions += v.solutions;
     all.bits += v.bits;
