@@ -1,8 +1,10 @@
 // Factorizations after which few values change (Options::partial_refactorization), beside whole ones.
-//   espalier_bench_changed_values [N [THREADS [REPEATS]]]      default: elasticity 28^3, all cores, 5
-// Changed are the entries of one element at the surface, or all of one eighth of the body. Seconds are medians of calls
-// that take turns; the work is that of the fronts that were made, over that of all. Both factors' solutions must be the
-// same to the last bit.
+//   espalier_bench_changed_values [N [THREADS [REPEATS [KEY=VALUE ...]]]]      default: elasticity 28^3, all cores, 5
+// KEY=VALUE: options of both solvers: device=gpu:0, kind=ldlt, precision=fp32. system=gyroscopic: an unsymmetric matrix
+// in the place of elasticity.
+// Changed are the entries of one element at the surface, or all of a 64th or an eighth of the body, at a corner.
+// Seconds are medians of calls that take turns, with all values and with the changed entries alone; the work is that of
+// the fronts that were made, over that of all. Both factors' solutions must be the same to the last bit.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,11 +13,14 @@
 #include <cstdlib>
 #include <cstring>
 #include <functional>
+#include <memory>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "espalier/solver.hpp"
 #include "matrix/generators/generate.hpp"
+#include "solver/option_text.hpp"
 
 namespace {
 
@@ -55,44 +60,62 @@ void check(const Status& status) {
   if (!status.ok()) throw std::runtime_error(status.message);
 }
 
-void measure(const SparseMatrix& a, const std::string& what, const std::vector<Offset>& places, int threads,
-             int repeats) {
-  Options options;
-  options.threads = threads;
-  options.refinement_steps = 0;
-  Solver whole(options);
-  options.partial_refactorization = true;
-  Solver partial(options);
-  check(whole.analyze(a).status);
-  check(partial.analyze(a).status);
-  check(whole.factorize(a).status);
-  check(partial.factorize(a).status);
-  std::vector<double> values = a.values;
-  std::vector<double> of_whole, of_partial;
-  double share = 1;
-  for (int k = 0; k < repeats; ++k) {
-    for (const Offset q : places) values[static_cast<std::size_t>(q)] *= 1 + 1e-9;
-    of_whole.push_back(seconds_of([&] { check(whole.refactorize(values).status); }));
-    of_partial.push_back(seconds_of([&] {
-      const FactorResult f = partial.refactorize(values);
-      check(f.status);
-      share = f.work_share;
-    }));
+// The two solvers of a matrix, one of which makes what has changed alone.
+class Pair {
+ public:
+  Pair(const SparseMatrix& a, Options options) : a_(a) {
+    options.refinement_steps = 0;
+    whole_ = std::make_unique<Solver>(options);
+    options.partial_refactorization = true;
+    partial_ = std::make_unique<Solver>(options);
+    check(whole_->analyze(a).status);
+    check(partial_->analyze(a).status);
+    check(whole_->factorize(a).status);
+    check(partial_->factorize(a).status);
   }
-  const std::vector<double> b(static_cast<std::size_t>(a.cols), 1.0);
-  std::vector<double> x(b.size()), y(b.size());
-  check(whole.solve(b, x).status);
-  check(partial.solve(b, y).status);
-  const bool same = std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
-  fmt::print(
-      "{}: {} of {} entries; whole {:.4f} s, partial {:.4f} s, {:.3f} of it; work {:.3f}; memory {:.3f} of a whole "
-      "one's; {}\n",
-      what, places.size(), a.nonzeros(), median(of_whole), median(of_partial), median(of_partial) / median(of_whole),
-      share,
-      static_cast<double>(partial.analysis().predicted_bytes) / static_cast<double>(whole.analysis().predicted_bytes),
-      same ? "same bits" : "OTHER BITS");
-  if (!same) throw std::runtime_error("the solutions differ");
-}
+
+  void measure(const std::string& what, const std::vector<Offset>& places, int repeats) {
+    std::vector<double> values = a_.values;
+    std::vector<double> of_whole, of_partial, of_entries;
+    double share = 1;
+    for (int k = 0; k < repeats; ++k) {
+      change(places, values);
+      of_whole.push_back(seconds_of([&] { check(whole_->refactorize(values).status); }));
+      of_partial.push_back(seconds_of([&] { share = share_of(partial_->refactorize(values)); }));
+      change(places, values);
+      std::vector<double> some;
+      for (const Offset q : places) some.push_back(values[static_cast<std::size_t>(q)]);
+      of_entries.push_back(seconds_of([&] { share = share_of(partial_->refactorize_entries(places, some)); }));
+    }
+    check(whole_->refactorize(values).status);
+    const std::vector<double> b(static_cast<std::size_t>(a_.cols), 1.0);
+    std::vector<double> x(b.size()), y(b.size());
+    check(whole_->solve(b, x).status);
+    check(partial_->solve(b, y).status);
+    const bool same = std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
+    const double all = median(of_whole), part = median(of_partial), entries = median(of_entries);
+    fmt::print(
+        "{}: {} of {} entries; whole {:.4f} s, partial {:.4f} s, {:.3f} of it, by entries {:.4f} s, {:.3f}; work "
+        "{:.3f}; memory {:.3f} of a whole one's; {}\n",
+        what, places.size(), a_.nonzeros(), all, part, part / all, entries, entries / all, share,
+        static_cast<double>(partial_->analysis().predicted_bytes) /
+            static_cast<double>(whole_->analysis().predicted_bytes),
+        same ? "same bits" : "OTHER BITS");
+    if (!same) throw std::runtime_error("the solutions differ");
+  }
+
+ private:
+  static void change(const std::vector<Offset>& places, std::vector<double>& values) {
+    for (const Offset q : places) values[static_cast<std::size_t>(q)] *= 1 + 1e-9;
+  }
+  static double share_of(const FactorResult& f) {
+    check(f.status);
+    return f.work_share;
+  }
+
+  const SparseMatrix& a_;
+  std::unique_ptr<Solver> whole_, partial_;
+};
 
 }  // namespace
 
@@ -100,22 +123,43 @@ int main(int argc, char** argv) {
   const auto number = [&](int k, int otherwise) { return argc > k ? std::atoi(argv[k]) : otherwise; };
   const int n = number(1, 28), threads = number(2, 0), repeats = std::max(1, number(3, 5));
   if (n < 2 || threads < 0) {
-    fmt::print(stderr, "espalier_bench_changed_values [N [THREADS [REPEATS]]], N from 2\n");
+    fmt::print(stderr, "espalier_bench_changed_values [N [THREADS [REPEATS [KEY=VALUE ...]]]], N from 2\n");
     return 2;
   }
   try {
-    matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
+    std::string system = "elasticity";
+    Options options;
+    options.threads = threads;
+    for (int k = 4; k < argc; ++k) {
+      const std::string given = argv[k];
+      const std::size_t equals = std::min(given.find('='), given.size());
+      const std::string key = given.substr(0, equals), value = given.substr(std::min(equals + 1, given.size()));
+      if (key == "system")
+        system = value;
+      else
+        solver::set_option(options, key, value);
+    }
+    matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{system, std::to_string(n)});
     spec.numbering = matrix::Numbering::natural;
     const SparseMatrix a = matrix::generate(spec);
     const auto side = static_cast<Index>(n);
-    const std::string name = fmt::format("elasticity {}^3, ", n);
-    measure(a, name + "one element",
-            places_within(a, side, [side](Index x, Index y, Index z) { return x < 2 && y >= side - 1 && z < 2; }),
-            threads, repeats);
-    measure(a, name + "an eighth of the body",
-            places_within(a, side,
-                          [side](Index x, Index y, Index z) { return 2 * x < side && 2 * y < side && 2 * z < side; }),
-            threads, repeats);
+    const std::string name = fmt::format("{} {}^3, ", system, n);
+    Pair pair(a, options);
+    pair.measure(name + "one element",
+                 places_within(a, side, [side](Index x, Index y, Index z) { return x < 2 && y >= side - 1 && z < 2; }),
+                 repeats);
+    const Index quarter = side / 4;
+    pair.measure(name + "a 64th of the body",
+                 places_within(a, side,
+                               [quarter](Index x, Index y, Index z) {
+                                 return std::max({x, y, z}) < quarter;
+                               }),
+                 repeats);
+    pair.measure(
+        name + "an eighth of the body",
+        places_within(a, side,
+                      [side](Index x, Index y, Index z) { return 2 * x < side && 2 * y < side && 2 * z < side; }),
+        repeats);
   } catch (const std::exception& e) {
     fmt::print(stderr, "espalier_bench_changed_values: {}\n", e.what());
     return 1;

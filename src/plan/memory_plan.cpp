@@ -205,7 +205,7 @@ class MemoryPlanner {
 
   [[nodiscard]] bool backwards() const { return plan_.ownership.devices == 1; }
   [[nodiscard]] bool keeps_contributions() const {
-    return plan_.options.keep_contributions && backwards() && sizes_ == nullptr;
+    return plan_.options.keep_contributions && backwards() && numbered_ == nullptr;
   }
 
   // Among the factors, where nothing is ever taken over by others.
@@ -222,7 +222,13 @@ class MemoryPlanner {
       m_.factor2[f] = factor_end_;
       factor_end_ += factor_entries(f);
     } else if (plan_.options.ldlt && plan_.whole[f] == 0) {
-      take(work_, f, factor_entries(f), plan_.last_task[f], f);
+      // Where some fronts are not made, waiting for the last one that had a place is not enough.
+      if (keeps_contributions()) {
+        m_.factor2[f] = factor_end_;
+        factor_end_ += factor_entries(f);
+      } else {
+        take(work_, f, factor_entries(f), plan_.last_task[f], f);
+      }
     }
     if (!keeps_contributions()) factor_ends_.emplace_back(plan_.first_task[f], factor_end_);
     const Index parent = plan_.tree.parent[f];

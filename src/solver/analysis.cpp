@@ -12,6 +12,7 @@
 #include "base/stage.hpp"
 #include "matrix/validate.hpp"
 #include "plan/plan_bytes.hpp"
+#include "plan/regions.hpp"
 #include "solve/rank_residual.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/analysis_file.hpp"
@@ -62,6 +63,18 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
   return plan;
 }
 
+// Where devices have memory of their own: whether what all fronts make (PlanOptions::keep_contributions) has place
+// there beside a tenth for tables and vectors.
+bool has_room_to_keep(const plan::Plan& plan, const DeviceChoice& device, const System& system,
+                      const Context& context) {
+  const device::Backend& backend = *device.backend;
+  if (!plan.options.keep_contributions || !backend.limits().own_memory) return true;
+  const Offset budget = budgets_of(device, context.options).front(), free = backend.free_bytes(device.numbers.front());
+  const Offset limit = budget > 0 ? std::min(budget, free) : free;
+  const Offset needed = backend.executor_bytes(plan, system.kind, context.precision(), context.pool.size());
+  return needed + needed / 10 <= limit;
+}
+
 }  // namespace
 
 std::shared_ptr<const matrix::RowIndex> share_rows(System& system, const DeviceChoice& device, const Context& context) {
@@ -90,6 +103,12 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   made.plan = tree.border > 0 ? bordered_plan(std::move(tree), *system, options, context.pool)
                               : plan::make_plan(std::move(tree), system->factored_pattern(),
                                                 system->factored_row_of_col(), options, context.pool, rows, kept);
+  if (!has_room_to_keep(made.plan, changes.device, *system, context)) {
+    context.log("a device has no memory for what all fronts make: factorizations make everything");
+    made.plan.options.keep_contributions = false;
+    const plan::ArraySizes sizes = plan::array_sizes(made.plan, plan::name_regions(made.plan, true));
+    plan::plan_memory(made.plan, &sizes, context.pool.size());
+  }
   made.system = std::move(system);
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;
@@ -98,25 +117,6 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   return made;
 }
 
-void describe(Analysis& a, const Context& context) {
-  AnalysisResult& r = a.result;
-  r.kind = a.kind();
-  r.nonzeros_factor = a.plan.nonzeros_factor;
-  r.flops = a.flops();
-  r.fronts = a.plan.fronts();
-  for (Index f = 0; f < a.plan.fronts(); ++f) {
-    r.tiers = std::max(r.tiers, a.plan.tier[f] + 1);
-    r.largest_front = std::max(r.largest_front, a.plan.layout[f].rows);
-  }
-  r.predicted_bytes = predicted_host_bytes(a, context);
-  r.predicted_seconds = a.device.backend->predict(a.plan.tree, wish_of(*a.system, context)).on(a.device.devices());
-  r.device = a.device.reason;
-}
-
-namespace {
-
-// For tests and measurements: real forms on backends that have complex numbers. Of ranks all wish the same.
-bool real_form_is_wished() {
 // What does not fit in the host's budget goes to the disk, if there is one.
 void predict_disk(const Analysis& a, const Context& context, AnalysisResult& r) {
   const Offset limit = context.budget.limit();
@@ -135,6 +135,26 @@ void predict_disk(const Analysis& a, const Context& context, AnalysisResult& r) 
   }
 }
 
+void describe(Analysis& a, const Context& context) {
+  AnalysisResult& r = a.result;
+  r.kind = a.kind();
+  r.nonzeros_factor = a.plan.nonzeros_factor;
+  r.flops = a.flops();
+  r.fronts = a.plan.fronts();
+  for (Index f = 0; f < a.plan.fronts(); ++f) {
+    r.tiers = std::max(r.tiers, a.plan.tier[f] + 1);
+    r.largest_front = std::max(r.largest_front, a.plan.layout[f].rows);
+  }
+  r.predicted_bytes = predicted_host_bytes(a, context);
+  predict_disk(a, context, r);
+  r.predicted_seconds = a.device.backend->predict(a.plan.tree, wish_of(*a.system, context)).on(a.device.devices());
+  r.device = a.device.reason;
+}
+
+namespace {
+
+// For tests and measurements: real forms on backends that have complex numbers. Of ranks all wish the same.
+bool real_form_is_wished() {
   const char* text = std::getenv("ESPALIER_COMPLEX_FORM");
   const std::string_view form = text == nullptr ? "auto" : text;
   if (form != "auto" && form != "real")
@@ -146,7 +166,6 @@ void predict_disk(const Analysis& a, const Context& context, AnalysisResult& r) 
 // Complex systems on devices without complex numbers, which take their real form: the tree is that from now on.
 void take_real_form(System& system, DeviceChoice& device, analysis::AssemblyTree& tree, const Context& context) {
   if (system.numbers() == base::Numbers::real) return;
-  predict_disk(a, context, r);
   const bool needed = !device.backend->limits().complex;
   if (!needed && !real_form_is_wished()) return;
   analysis::AssemblyTree two = doubled(tree);
@@ -305,6 +324,11 @@ Analyzed analyze_for_ldlt(const Analysis& llt, std::span<const double> values, c
 
 Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const Context& context) {
   check_matrix(given, context.pool);
+  return analysis_from(path, read_analysis(path, pattern_hash(given.a, context.pool)), given, context);
+}
+
+Analyzed analysis_from(const std::string& path, SavedAnalysis saved, const GivenMatrix& given, const Context& context) {
+  const double start = base::now_seconds();
   GivenMatrix a = given;
   const Kind wish = context.options.kind;
   if (wish != Kind::automatic && wish != saved.kind)
@@ -323,11 +347,6 @@ Analyzed load_analysis(const std::string& path, const GivenMatrix& given, const 
   note_determinant(p);
   draft.system.rows = solve::ResidualOperator::rows_of(p.a, context.pool);
   check_tree(path, draft.system, saved.tree, context);
-  return analysis_from(path, read_analysis(path, pattern_hash(given.a, context.pool)), given, context);
-}
-
-Analyzed analysis_from(const std::string& path, SavedAnalysis saved, const GivenMatrix& given, const Context& context) {
-  const double start = base::now_seconds();
   give_values_away(draft);
   return finish({std::move(draft), std::move(saved.tree), start}, start, context);
 }

@@ -216,6 +216,7 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (hopeless) forget_rank(result_);
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.work_share = changes_ == changes_before_ ? outcome.share : 1;
+  if (context_.options.partial_refactorization) result_.whole_reason = whole_reason(*analysis_, *numeric_);
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
     phase_ = analysis_->system->real_form ? phase_of_real_form(*analysis_, result_)

@@ -118,6 +118,15 @@ std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorRe
   return result.inertia.negative % 2 == 0 ? 1 : -1;
 }
 
+std::string whole_reason(const Analysis& analysis, const Numeric& numeric) {
+  if (numeric.keeps_fronts()) return {};
+  if (numeric.out_of_core().budget_bytes > 0)
+    return "out of core, what fronts leave for their parents gives its place to others";
+  if (analysis.plan.ownership.devices > 1)
+    return "several devices share the factorization, and exchange all that fronts leave for their parents";
+  return "the device has no memory for what all fronts leave for their parents";
+}
+
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,
                            Deficiency deficiency, const Options& options, Offset held_bytes) {
   FactorResult r;

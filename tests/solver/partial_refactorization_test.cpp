@@ -2,109 +2,16 @@
 // that makes everything each time.
 #include <gtest/gtest.h>
 
-#include <cstring>
-#include <random>
+#include <cmath>
 #include <string>
+#include <tuple>
 
-#include "espalier/espalier.hpp"
-#include "matrix/generators/generate.hpp"
-#include "reference/reference.hpp"
-#include "solver/complex_common.hpp"
+#include "solver/changed_values.hpp"
 
 namespace espalier {
 namespace partial_refactorization_test {
 
-using reference::Values;
-
-SparseMatrix elasticity(int n) {
-  return matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)}));
-}
-
-template <class T>
-bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
-}
-
-Options bare(bool partial) {
-  Options o;
-  o.partial_refactorization = partial;
-  o.refinement_steps = 0;
-  o.required_backward_error = std::numeric_limits<double>::infinity();
-  o.singular = SingularMatrix::report;
-  return o;
-}
-
-// Values that differ from `now` in some way: here and there, near each other, or in what all pivots are measured by.
-template <class T>
-void change(std::vector<T>& now, const std::vector<T>& first, std::mt19937& random) {
-  const auto below = [&](std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(random); };
-  const std::size_t n = now.size(), at = below(n);
-  switch (below(9)) {
-    case 0:
-      break;
-    case 1:
-      now[at] *= 1.5;
-      break;
-    case 2:
-      for (std::size_t k = at; k < std::min(n, at + 12); ++k) now[k] *= 1 + 1e-3 * static_cast<double>(k - at);
-      break;
-    case 3:
-      for (int k = 0; k < 5; ++k) now[below(n)] *= 0.9;
-      break;
-    case 4:
-      now = first;
-      break;
-    case 5:
-      now[at] = 0;
-      break;
-    case 6:
-      now[at] *= 1e4;
-      break;
-    case 7:
-      for (T& v : now) v *= 2;
-      break;
-    case 8:
-      now[at] *= 1e-9;
-      break;
-  }
-}
-
-template <class AnySolver, class Matrix>
-void expect_bits_of_all(Options options, Options full_options, const Matrix& a, unsigned seed, int rounds) {
-  using T = typename std::decay_t<decltype(a.values)>::value_type;
-  std::mt19937 random(seed);
-  AnySolver partial(std::move(options)), full(std::move(full_options));
-  ASSERT_TRUE(partial.analyze(a).status.ok());
-  ASSERT_TRUE(full.analyze(a).status.ok());
-  std::vector<T> now = a.values;
-  const std::vector<double> numbers = reference::random_vector(std::int64_t{2} * a.rows, seed);
-  std::vector<T> b;
-  for (Index i = 0; i < a.rows; ++i) b.push_back(numbers[static_cast<std::size_t>(2 * i)]);
-  for (int round = 0; round < rounds; ++round) {
-    SCOPED_TRACE("round " + std::to_string(round));
-    const auto p = partial.refactorize(now), f = full.refactorize(now);
-    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
-    EXPECT_EQ(p.inertia.negative, f.inertia.negative);
-    EXPECT_EQ(p.inertia.zero, f.inertia.zero);
-    EXPECT_EQ(p.rank, f.rank);
-    EXPECT_EQ(p.perturbed, f.perturbed);
-    EXPECT_EQ(p.two_by_two, f.two_by_two);
-    EXPECT_EQ(p.delayed, f.delayed);
-    EXPECT_EQ(p.dependent_rows, f.dependent_rows);
-    EXPECT_EQ(std::memcmp(&p.determinant_log, &f.determinant_log, sizeof(double)), 0)
-        << p.determinant_log << " / " << f.determinant_log;
-    EXPECT_LE(p.work_share, 1);
-    EXPECT_EQ(f.work_share, 1);
-    if (p.status.ok())
-      for (const Transpose t : {Transpose::no, Transpose::yes}) {
-        std::vector<T> x(b.size()), y(b.size());
-        (void)partial.solve(b, x, 1, t);
-        (void)full.solve(b, y, 1, t);
-        ASSERT_TRUE(same_bits(x, y)) << "of share " << p.work_share;
-      }
-    change(now, a.values, random);
-  }
-}
+using namespace changed_values;
 
 struct Variant {
   const char* name;
@@ -188,6 +95,41 @@ TEST(PartialRefactorization, MakesWhatValuesReach) {
   ASSERT_TRUE(other.analyze(a).status.ok());
   (void)other.factorize(a);
   EXPECT_EQ(other.factorize(a).work_share, 1) << "everything is made where nobody asks for less";
+}
+
+// Several devices, and a budget in which the factor does not fit.
+TEST(PartialRefactorization, SaysWhereEverythingIsMade) {
+  const SparseMatrix a = elasticity(9);
+  for (const auto& [device, budget, why] : {std::tuple{"cpu", Offset{0}, ""},
+                                            {"host:2", Offset{0}, "several devices"},
+                                            {"cpu", Offset{2'000'000}, "out of core"}}) {
+    SCOPED_TRACE(std::string(device) + ", " + why);
+    Options partial = bare(true), full = bare(false);
+    for (Options* o : {&partial, &full}) {
+      o->threads = 2;
+      o->device = device;
+      o->device_memory_bytes = budget;
+    }
+    Solver s(partial), whole(full);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(whole.analyze(a).status.ok());
+    std::vector<double> values = a.values;
+    for (int k = 0; k < 3; ++k, values[static_cast<std::size_t>(40 * k)] *= 1.5) {
+      const FactorResult f = s.refactorize(values);
+      ASSERT_TRUE(f.status.ok()) << f.status.message;
+      EXPECT_EQ(f.whole_reason.find(why) != std::string::npos, true) << f.whole_reason;
+      EXPECT_EQ(f.whole_reason.empty(), std::string(why).empty()) << f.whole_reason;
+      EXPECT_EQ(f.work_share<1, k> 0 && f.whole_reason.empty());
+      const FactorResult w = whole.refactorize(values);
+      ASSERT_TRUE(w.status.ok()) << w.status.message;
+      EXPECT_TRUE(w.whole_reason.empty()) << "nobody asked";
+      const std::vector<double> b = reference::random_vector(a.rows, 4);
+      std::vector<double> x(b.size()), y(b.size());
+      ASSERT_TRUE(s.solve(b, x).status.ok());
+      ASSERT_TRUE(whole.solve(b, y).status.ok());
+      for (std::size_t i = 0; i < x.size(); ++i) ASSERT_NEAR(x[i], y[i], 1e-9 * (1 + std::abs(y[i])));
+    }
+  }
 }
 
 TEST(PartialRefactorization, KeepsItsBudget) {

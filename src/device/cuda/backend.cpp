@@ -56,7 +56,9 @@ class CudaBackend final : public Backend {
     tuning.shared_top = wish.sharing.shared_top;
     tuning.device_speed = wish.speed;
     tuning.machine = model(wish.machine);
-    return cuda_plan_options(wish.kind, tuning, wish.devices);
+    plan::PlanOptions options = cuda_plan_options(wish.kind, tuning, wish.devices);
+    options.keep_contributions = wish.keep_contributions && wish.devices == 1 && wish.ranks == 1;
+    return options;
   }
 
   [[nodiscard]] Offset executor_bytes(const plan::Plan& plan, Kind, Precision precision, int) const override {

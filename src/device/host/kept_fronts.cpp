@@ -1,10 +1,9 @@
 #include "device/host/kept_fronts.hpp"
 
 #include <algorithm>
-#include <cstring>
 
 #include "base/at.hpp"
-#include "plan/front_cost.hpp"
+#include "plan/reached_fronts.hpp"
 
 namespace espalier::device::host {
 
@@ -99,17 +98,6 @@ std::vector<char> fronts_to_keep(const NumericState<T>& s, const plan::Plan& cha
 namespace {
 
 template <class T>
-bool entries_differ(const plan::Plan& plan, Index f, std::span<const T> values, std::span<const T> before) {
-  const Offset begin = plan.entry_ptr[at(plan.first_tile[at(f)])], end = plan.entry_ptr[at(plan.first_tile[at(f) + 1])];
-  for (Offset k = begin; k < end; ++k) {
-    const std::size_t source = at(plan.entries[at(k)].source());
-    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison): bits are what counts
-    if (std::memcmp(&values[source], &before[source], sizeof(T)) != 0) return true;
-  }
-  return false;
-}
-
-template <class T>
 bool all_fine(const NumericState<T>& s, Index f) {
   const char* state = s.column_state.data();
   return std::all_of(state + s.plan.tree.first[at(f)], state + s.plan.tree.first[at(f) + 1],
@@ -139,7 +127,7 @@ std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> 
       // What failed may halt the factorization, or be nothing by the other rule.
       const bool alike =
           same_rule ? !s.halting || all_fine(s, f) : all_fine(s, f) && s.fronts[at(f)].least_pivot >= rule.suspect;
-      other[at(f)] = static_cast<char>(!alike || entries_differ(s.plan, f, values, before));
+      other[at(f)] = static_cast<char>(!alike || plan::entries_differ(s.plan, f, values, before));
     }
   });
   Again<T> again(s, true);
@@ -148,17 +136,6 @@ std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> 
   std::vector<char> keep = again.close();
   for (char& k : keep) k = static_cast<char>(k == 0);
   return keep;
-}
-
-double share_of_others(const plan::Plan& plan, const std::vector<char>& kept) {
-  double made = 0, all = 0;
-  for (Index f = 0; f < plan.fronts(); ++f) {
-    const auto& l = plan.layout[at(f)];
-    const double flops = plan::front_flops(l.pivots, l.rows, plan.options.unsymmetric);
-    all += flops;
-    if (kept[at(f)] == 0) made += flops;
-  }
-  return all > 0 ? made / all : 1;
 }
 
 #define ESPALIER_INSTANTIATE(T)                                                                                    \

@@ -34,7 +34,4 @@ template <class T>
 std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> values, std::span<const T> before,
                                    const PivotRule& rule, base::ThreadPool& pool);
 
-/// Operations for the fronts that are not kept, over those for all.
-double share_of_others(const plan::Plan& plan, const std::vector<char>& kept);
-
 }  // namespace espalier::device::host

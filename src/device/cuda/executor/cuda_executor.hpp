@@ -86,6 +86,12 @@ class CudaExecutor : public Executor<T> {
   /// GPU completes. On one GPU: one launch, one wait, a few hundred bytes to the host.
   /// @returns nothing when the values are not all finite
   virtual std::optional<FactorOutcome> factorize_filled(const FilledValues& values) = 0;
+  /// The same where the values differ from those of the last factorization, by the same arguments, in entries of some
+  /// fronts alone: where only these and what is above them can be made again, to the last bit, that is all that is done
+  /// (FactorOutcome::share). @param reached  fronts; not 0: one of them, closed under parents
+  virtual std::optional<FactorOutcome> factorize_part(const FilledValues& values, std::span<const char> /*reached*/) {
+    return factorize_filled(values);
+  }
   /// Times of the last factorization's tasks, by device; empty but with CudaOptions::timeline.
   virtual std::vector<std::vector<TaskTime>> task_times() const = 0;
   virtual const DevicePlan& device_plan() const = 0;

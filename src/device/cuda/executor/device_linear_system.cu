@@ -9,6 +9,7 @@
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/executor/linear_system_memory.cuh"
 #include "device/cuda/executor/part_residuals.cuh"
+#include "device/cuda/executor/vector_entries.cuh"
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
@@ -60,10 +61,14 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     const DeviceGuard guard(device_);
     enqueue_values(values, memory_.copy());
     sent_ = false;
+    has_values_ = !executor_.on_ranks();
   }
   void send_values(Offset first, Offset count) override {
     const DeviceGuard guard(device_);
-    if (first == 0 && ++sendings_ == kPinFrom) pin(values_);
+    if (first == 0) {
+      has_values_ = false;  // until the last ones have come
+      if (++sendings_ == kPinFrom) pin(values_);
+    }
     const double* from = values_.data() + first;
     double* to = memory_.given() + first;
     if (!pinned_values_)
@@ -74,6 +79,39 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
                                stream());
       });
     sent_ = true;
+    if (first + count == memory_.value_doubles()) has_values_ = !executor_.on_ranks();
+  }
+  [[nodiscard]] bool has_values() const override { return has_values_; }
+  void replace_values(std::span<const Offset> places, std::span<const double> values) override {
+    const DeviceGuard guard(device_);
+    entries_.enqueue_scatter(places, values, memory_.given(), 0, stream());
+    sent_ = true;
+  }
+  bool mark_differing(const double* values, std::span<unsigned char> rows,
+                      std::span<unsigned char> columns) const override {
+    const DeviceGuard guard(device_);
+    const auto n = static_cast<Offset>(rows.size());
+    try {
+      if (differing_.size() == 0)
+        differing_ = DeviceArray<unsigned char>(2 * n, memory_.budget(), memory_.budget().held() + 2 * n);
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::out_of_memory) throw;
+      return false;
+    }
+    call("cudaMemsetAsync(marks)",
+         [&] { return cudaMemsetAsync(differing_.data(), 0, static_cast<std::size_t>(differing_.bytes()), stream()); });
+    differ_kernel<<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(
+        memory_.pattern(), values, memory_.complex() ? 2 : 1, differing_.data(), differing_.data() + n);
+    call("launch of the kernel that compares values", [&] { return cudaGetLastError(); });
+    const auto fetch = [&](std::span<unsigned char> to, Offset first) {
+      call("cudaMemcpyAsync(to host)", [&] {
+        return cudaMemcpyAsync(to.data(), differing_.data() + first, to.size(), cudaMemcpyDeviceToHost, stream());
+      });
+    };
+    fetch(rows, 0);
+    fetch(columns, n);
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
+    return true;
   }
   [[nodiscard]] bool on_ranks() const override { return executor_.on_ranks(); }
   void copy_values(const double* from, Offset first, Offset count) override {
@@ -90,12 +128,10 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     sent_ = true;
   }
   std::optional<FactorOutcome> factorize(double smallest_pivot) override {
-    if (std::exchange(sent_, false)) {
-      const DeviceGuard guard(device_);
-      enqueue_values(memory_.given(), nullptr);
-    }
-    const auto parts = static_cast<int>(memory_.largest().size());
-    return executor_.factorize_filled({memory_.largest().data(), parts, smallest_pivot, memory_.diagonal(), rounding_});
+    return executor_.factorize_filled(filled_values(smallest_pivot));
+  }
+  std::optional<FactorOutcome> factorize_changed(double smallest_pivot, std::span<const char> reached) override {
+    return executor_.factorize_part(filled_values(smallest_pivot), reached);
   }
   void read_values(std::span<double> to) const override { read(to.data(), memory_.given(), memory_.value_doubles()); }
 
@@ -224,6 +260,37 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     if (slots_.size() <= at) slots_.resize(at + 1);
     return {grown(slots_[at], columns), nullptr};
   }
+  std::shared_ptr<double[]> memory(Index columns) const override {
+    const DeviceGuard guard(device_);
+    const Offset count = static_cast<Offset>(doubles_) * columns;
+    const Offset held = memory_.budget().held() + count * static_cast<Offset>(sizeof(double));
+    auto array = std::make_shared<DeviceArray<double>>(count, memory_.budget(), held);
+    double* const data = array->data();
+    return {data, [array, &memory = memory_, alive = std::weak_ptr<int>(alive_), device = device_](double*) mutable {
+              if (!alive.expired()) memory.budget().give_back(array->bytes());
+              const DeviceGuard on(device);
+              array.reset();
+            }};
+  }
+  void scatter(std::span<const Offset> places, std::span<const double> values, double* y,
+               Index cleared) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    entries_.enqueue_scatter(places, values, y, static_cast<Offset>(doubles_) * cleared, stream());
+  }
+  void gather(const double* y, std::span<const Offset> places, double* to) const override {
+    if (places.empty()) return;
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    entries_.enqueue_gather(y, places, stream());
+    wait_for_vectors();
+    std::copy_n(entries_.found(), places.size(), to);
+  }
+  void add_columns(const double* z, std::span<const double> factors, double* y) const override {
+    const DeviceGuard guard(device_);
+    pending_ = true;
+    enqueue_added_columns(doubles_, z, factors, y, stream());
+  }
   double* right_hand_sides(Index columns) override { return grown(right_hand_sides_, columns); }
   double* solutions(Index columns) override { return grown(solutions_, columns); }
 
@@ -287,6 +354,15 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     wait();
     unreported_ = false;
     if (*aborted_.data() != 0) throw executor_.solve_given_up();
+  }
+
+  FilledValues filled_values(double smallest_pivot) {
+    if (std::exchange(sent_, false)) {
+      const DeviceGuard guard(device_);
+      enqueue_values(memory_.given(), nullptr);
+    }
+    const auto parts = static_cast<int>(memory_.largest().size());
+    return {memory_.largest().data(), parts, smallest_pivot, memory_.diagonal(), rounding_};
   }
 
   double* grown(DeviceArray<double>& array, Index columns) const {
@@ -381,12 +457,16 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   mutable PinnedArray<ResidualEnd> ends_;
   mutable PinnedArray<DotEnd> dot_;
   mutable PartResiduals parts_;
+  mutable VectorEntries entries_;
   PinnedArray<int> aborted_;
   HostLink link_;
   std::unique_ptr<double, Unpin> pinned_values_;
   mutable std::vector<DeviceArray<double>> slots_;
   DeviceArray<double> right_hand_sides_, solutions_;
-  bool sent_ = false;  // values that are not scaled yet
+  std::shared_ptr<int> alive_ = std::make_shared<int>();  // as long as this object is
+  bool sent_ = false;                                     // values that are not scaled yet
+  bool has_values_ = false;                               // all have come
+  mutable DeviceArray<unsigned char> differing_;
   int sendings_ = 0;
   mutable bool pending_ = false;     // work on vectors is enqueued
   mutable bool unreported_ = false;  // a substitution among it

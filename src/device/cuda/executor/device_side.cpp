@@ -293,21 +293,25 @@ void DeviceSide<T>::enqueue_factor(bool skip_last_half) {
 
 template <class T>
 void DeviceSide<T>::enqueue_tasks(bool first_half_only) {
-  const auto launch = [&](bool wide, std::int64_t first, std::int64_t end) {
-    if (first >= end) return;
+  const TaskLists& l = lists();
+  const auto all = static_cast<std::int64_t>(l.tasks.size());
+  launch_tasks(state_, l.narrow_tasks, first_half_only ? all / 2 : all);
+}
+
+template <class T>
+void DeviceSide<T>::launch_tasks(const FactorState<T>& state, std::int64_t narrow_end, std::int64_t end) {
+  const auto launch = [&](bool wide, std::int64_t first, std::int64_t last) {
+    if (first >= last) return;
     call("launch of the factorization kernel", [&] {
       return dispatch([&](auto kernel) {
-        return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state_, static_cast<int>(first),
-                                        static_cast<int>(end), static_cast<int>(n()), stream_.get(),
+        return decltype(kernel)::launch(wide, shape_[wide ? 1 : 0], state, static_cast<int>(first),
+                                        static_cast<int>(last), static_cast<int>(n()), stream_.get(),
                                         context_.pair_sign);
       });
     });
   };
-  const TaskLists& l = lists();
-  auto end = static_cast<std::int64_t>(l.tasks.size());
-  if (first_half_only) end /= 2;
-  launch(false, 0, std::min(l.narrow_tasks, end));
-  launch(true, l.narrow_tasks, end);
+  launch(false, 0, std::min(narrow_end, end));
+  launch(true, narrow_end, end);
 }
 
 template <class T>

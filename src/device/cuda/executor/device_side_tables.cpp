@@ -37,6 +37,10 @@ void DeviceSide<T>::take_tables() {
   take(down_, lists().down.size());
   take(inverses_, lists().inverses.size());
   take(place_table_, context_.tables.places.size());
+  if (!context_.plan.options.keep_contributions) return;
+  take(part_.marks, static_cast<std::size_t>(context_.plan.fronts()));
+  take(part_.tasks, lists().tasks.size());
+  take(part_.inverses, lists().inverses.size());
 }
 
 template <class T>

@@ -55,6 +55,7 @@ void ExecutorOnDevices<T>::forget_pairs() {
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::run_once(bool filled, SideFlags& flags) {
   const FactorGraphs& graphs = filled ? filled_graphs_ : graphs_;
+  last_.sound = false;
   FactorOutcome out;
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });
@@ -76,13 +77,19 @@ FactorOutcome ExecutorOnDevices<T>::run_once(bool filled, SideFlags& flags) {
   }
   if (!is_finite(first().factor_end().largest)) return out;
   if (options_.timeline != nullptr) record(began);
+  finish_run(filled, flags, out);
+  note_run(out, flags, filled ? limits_of_filled(first().factor_end().largest) : limits_, true);
+  return out;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::finish_run(bool filled, const SideFlags& flags, FactorOutcome& out) {
   if (flags.stopped) throw stalled("factorization");
-  if (out.not_positive >= 0) return out;
+  if (out.not_positive >= 0) return;
   if (smallest_.empty() || filled)
     take_determinant(first().factor_end(), out);
   else
     judge_pivots_here(out);
-  return out;
 }
 
 template <class T>

@@ -135,10 +135,11 @@ cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_ele
   if (sizeof(T) == 4) shape.stages -= shape.stages % static_cast<int>(width / kChunk);  // see sum_by_warpgroup()
   if (shape.stages < 1) shape.stages = 1;
   shape.shared_bytes = std::max(least, shape.stages * stage);
-  if (shape.shared_bytes + 1024 > static_cast<std::size_t>(per_block)) return cudaErrorInvalidConfiguration;
+  constexpr int kStatic = 1024;
+  if (shape.shared_bytes + kStatic > static_cast<std::size_t>(per_block)) return cudaErrorInvalidConfiguration;
   return dispatch<T, K, Half>(wide, [&](auto* kernel) {
-    if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize,
-                                            static_cast<int>(shape.shared_bytes)))
+    // The limit is the kernel's, not the executor's: another one with smaller fronts must not take it back.
+    if (const auto e = cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, per_block - kStatic))
       return e;
     int each = 0;
     const auto e = cudaOccupancyMaxActiveBlocksPerMultiprocessor(&each, kernel, kThreads, shape.shared_bytes);

@@ -33,10 +33,13 @@ enum Control : int {
   kWaited = 10,  ///< 64 bits: of these, nanoseconds of waiting for other tasks
   kSlot = 12,    ///< 1: the memory for a stolen sub-tree is taken
   kStolen = 13,  ///< sub-trees of other devices that this one did
+  kNear = 14,    ///< nonzero: a search for a pivot went on from a row of less than kNearTiny times limits [0] (ldlt)
   kOpened = 16,  ///< by stealable sub-tree: 0 not known, 1 this device does it, 2 another one does, 3 being found out
   kClaims = 32,  ///< by stealable sub-tree, of device 0 alone: who does it (device + 1), 0: nobody yet
   kCounters = 48
 };
+
+inline constexpr int kNearTiny = 1024;
 
 /// The devices that share a factorization, as one of them sees them; entry d belongs to device d.
 template <class T>

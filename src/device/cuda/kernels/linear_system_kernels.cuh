@@ -77,6 +77,21 @@ __global__ void __launch_bounds__(kSystemThreads) scale_kernel(DevicePattern p, 
   if (threadIdx.x == 0) job.largest[blockIdx.x] = most;
 }
 
+/// Marks rows and columns of entries, of `parts` doubles each, in which `values` differ from DevicePattern::values bit
+/// by bit.
+__global__ void __launch_bounds__(kSystemThreads)
+    differ_kernel(DevicePattern p, const double* values, int parts, unsigned char* rows, unsigned char* columns) {
+  const int lane = static_cast<int>(threadIdx.x) % kLanes;
+  const Offset step = static_cast<Offset>(gridDim.x) * kRowsOfBlock;
+  for (Offset col = static_cast<Offset>(blockIdx.x) * kRowsOfBlock + threadIdx.x / kLanes; col < p.n; col += step)
+    for (Offset q = p.col_ptr[col] + lane; q < p.col_ptr[col + 1]; q += kLanes) {
+      bool same = true;
+      for (Offset k = parts * q; k < parts * (q + 1); ++k)
+        same = same && __double_as_longlong(values[k]) == __double_as_longlong(p.values[k]);
+      if (!same) rows[p.row_ind[q]] = columns[col] = 1;
+    }
+}
+
 /// How right-hand sides are permuted and scaled on their way to the factor and back; null: identity, ones.
 struct Passage {
   const Index* order;

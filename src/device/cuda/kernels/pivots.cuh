@@ -52,6 +52,7 @@ template <class T, int J>
 class PivotBlock {
  public:
   static constexpr int kSize = 4 * J;
+  static constexpr int kNearOne = 1 << 16;  ///< in replaced_: see kNear
   static constexpr int H = (kSize + 31) / 32;
 
   /// @param a  lower triangle, column-major; as scratch from now on, kSize rows of columns 0 .. 7
@@ -152,7 +153,8 @@ class PivotBlock {
     if (threadIdx.x == 0) {
       if (negative_ > 0) atomicAdd(s.control + kNegative, negative_);
       if (pairs_ > 0) atomicAdd(s.control + kTwoByTwo, pairs_);
-      if (replaced_ > 0) atomicAdd(s.control + kReplaced, replaced_);
+      if ((replaced_ & kNearOne) != 0) s.control[kNear] = 1;
+      if ((replaced_ & ~kNearOne) > 0) atomicAdd(s.control + kReplaced, replaced_ & ~kNearOne);
     }
     __syncthreads();
   }
@@ -268,6 +270,7 @@ class PivotBlock {
     unsigned best = largest_key(own_key(line(turn), p));
     if (best == 0 || magnitude(line(turn)[p] / 2) >= alpha() * magnitude_of(best - 1, T())) return;
     if (!(magnitude_of(best - 1, T()) >= tiny_) && !(magnitude(line(turn)[p] / 2) >= tiny_)) return;
+    if (magnitude_of(best - 1, T()) < T(kNearTiny) * tiny_) replaced_ |= kNearOne;  // another rule might stop here
     for (int step = 0; step < n_; ++step) {
       const int r = row_of_key(line(turn), p, best);
       ++turn;

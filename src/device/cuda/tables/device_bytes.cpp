@@ -39,6 +39,7 @@ DeviceBytes bytes_of(const plan::Plan& plan, Kind kind, const DevicePlan& t, int
   b.rows = size_of(plan.relative, plan.tree.rows);
   b.fronts = size_of(t.fronts, t.links, t.bounds, t.waits, t.places);
   b.tasks = size_of(l.tasks, l.up, l.down, l.inverses, l.stealable_end);
+  if (plan.options.keep_contributions) b.tasks += size_of(l.tasks, l.inverses) + plan.fronts();  // of some fronts alone
   b.flags = (parts * t.flags + plan.fronts()) * 4 + 2 * n;
   const Offset pivot_vectors = kind == Kind::ldlt ? 3 : 1;
   const Offset solve = 2 * n + static_cast<Offset>(plan.relative.size());

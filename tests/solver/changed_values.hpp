@@ -1,0 +1,86 @@
+/// \file
+/// Sequences of changed values, by solvers that make what has changed alone and by others that make everything.
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <limits>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "reference/reference.hpp"
+#include "solver/complex_common.hpp"
+#include "verdict/value_changes.hpp"
+
+namespace espalier::changed_values {
+
+using reference::Values;
+using verdict::change_values;
+
+inline SparseMatrix elasticity(int n) {
+  return matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)}));
+}
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+inline Options bare(bool partial) {
+  Options o;
+  o.partial_refactorization = partial;
+  o.refinement_steps = 0;
+  o.required_backward_error = std::numeric_limits<double>::infinity();
+  o.singular = SingularMatrix::report;
+  return o;
+}
+
+struct Shares {
+  int none = 0, some = 0, all = 0;  ///< factorizations by what they have made
+};
+
+/// The bits of solutions, and all that is said of the matrix. Adds to `shares`, if it is there.
+template <class AnySolver, class Matrix>
+void expect_bits_of_all(Options options, Options full_options, const Matrix& a, unsigned seed, int rounds,
+                        Shares* shares = nullptr) {
+  using T = typename std::decay_t<decltype(a.values)>::value_type;
+  std::mt19937 random(seed);
+  AnySolver partial(std::move(options)), full(std::move(full_options));
+  ASSERT_TRUE(partial.analyze(a).status.ok());
+  ASSERT_TRUE(full.analyze(a).status.ok());
+  std::vector<T> now = a.values;
+  const std::vector<double> numbers = reference::random_vector(std::int64_t{2} * a.rows, seed);
+  std::vector<T> b;
+  for (Index i = 0; i < a.rows; ++i) b.push_back(numbers[static_cast<std::size_t>(2 * i)]);
+  for (int round = 0; round < rounds; ++round) {
+    SCOPED_TRACE("round " + std::to_string(round));
+    const auto p = partial.refactorize(now), f = full.refactorize(now);
+    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
+    EXPECT_EQ(p.inertia.negative, f.inertia.negative);
+    EXPECT_EQ(p.inertia.zero, f.inertia.zero);
+    EXPECT_EQ(p.rank, f.rank);
+    EXPECT_EQ(p.perturbed, f.perturbed);
+    EXPECT_EQ(p.two_by_two, f.two_by_two);
+    EXPECT_EQ(p.delayed, f.delayed);
+    EXPECT_EQ(p.dependent_rows, f.dependent_rows);
+    EXPECT_EQ(std::memcmp(&p.determinant_log, &f.determinant_log, sizeof(double)), 0)
+        << p.determinant_log << " / " << f.determinant_log;
+    EXPECT_LE(p.work_share, 1);
+    if (shares != nullptr) ++(p.work_share == 0 ? shares->none : p.work_share < 1 ? shares->some : shares->all);
+    EXPECT_EQ(f.work_share, 1);
+    if (p.status.ok())
+      for (const Transpose t : {Transpose::no, Transpose::yes}) {
+        std::vector<T> x(b.size()), y(b.size());
+        (void)partial.solve(b, x, 1, t);
+        (void)full.solve(b, y, 1, t);
+        ASSERT_TRUE(same_bits(x, y)) << "of share " << p.work_share;
+      }
+    change_values(now, a.values, random);
+  }
+}
+
+}  // namespace espalier::changed_values

@@ -1,0 +1,180 @@
+// Thousands of random changes of values on random trees: after each, a solver that makes what has changed alone
+// (Options::partial_refactorization) must have the bits and the verdicts of one that makes everything. Prints what
+// differs and a table; exit code 1 where anything did.
+//   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N]]]]      default: 10000, seed 1, cpu, n up to 400
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <limits>
+#include <map>
+#include <random>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "espalier/espalier.hpp"
+#include "matrix/generators/generate.hpp"
+#include "reference/reference.hpp"
+#include "verdict/value_changes.hpp"
+
+namespace {
+
+using namespace espalier;  // NOLINT(google-build-using-namespace): a program of one file
+
+struct Tally {
+  int changes = 0, some = 0, none = 0, all = 0, refused = 0, wrong = 0;
+};
+
+struct Case {
+  std::string name;
+  SparseMatrix a;
+  Options options;
+};
+
+class Campaign {
+ public:
+  Campaign(unsigned seed, std::string device, Index largest)
+      : seed_(seed), device_(std::move(device)), largest_(largest) {}
+
+  int run(int changes) {
+    for (unsigned k = 0; all_.changes < changes; ++k) {
+      random_.seed(seed_ + k);
+      const Case c = draw(k);
+      follow(c, std::min(30, changes - all_.changes));
+    }
+    for (const auto& [kind, t] : by_kind_) print(kind, t);
+    print("all", all_);
+    return all_.wrong > 0 || all_.some == 0 ? 1 : 0;
+  }
+
+ private:
+  std::size_t below(std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(random_); }
+
+  SparseMatrix matrix_for(Kind kind, std::string& name) {
+    const auto n = static_cast<Index>(20 + below(static_cast<std::size_t>(largest_)));
+    const auto generated = [&](std::vector<std::string> words) {
+      for (const std::string& w : words) name += ", " + w;
+      return matrix::generate(matrix::parse_generator(words));
+    };
+    const auto side = [&](double power) {
+      return std::to_string(2 + below(static_cast<std::size_t>(std::pow(largest_ / 3.0, 1 / power))));
+    };
+    name += ", n about " + std::to_string(n);
+    switch (below(5)) {
+      case 0:
+        return generated({"elasticity", side(3), side(3), side(3)});
+      case 1:
+        return generated({"plate", side(2), side(2)});
+      case 2:
+        if (kind != Kind::llt) return reference::saddle_point(n, n / 5 + 1, random_());
+        break;
+      case 3:
+        if (kind == Kind::lu) return reference::random_system(n, 4, reference::Values::general, random_());
+        if (kind == Kind::ldlt) return reference::random_system(n, 4, reference::Values::indefinite, random_());
+        break;
+      default:
+        break;
+    }
+    return reference::random_system(n, 3 + static_cast<Index>(below(3)), reference::Values::positive, random_());
+  }
+
+  Case draw(unsigned k) {
+    constexpr Kind kKinds[] = {Kind::llt, Kind::ldlt, Kind::lu};
+    constexpr const char* kNames[] = {"llt", "ldlt", "lu"};
+    constexpr Precision kPrecisions[] = {Precision::fp64, Precision::fp64, Precision::fp32, Precision::mixed};
+    constexpr Index kBlocks[] = {0, 0, 8, 32};
+    const std::size_t kind = below(3);
+    Case c;
+    c.name = fmt::format("seed {}, {}", seed_ + k, kNames[kind]);
+    c.options.kind = kKinds[kind];
+    c.options.device = device_;
+    c.options.precision = kPrecisions[below(4)];
+    c.options.max_block_size = kBlocks[below(4)];
+    c.options.rescale = below(4) == 0 ? Rescale::on : Rescale::off;
+    c.options.threads = 1 + static_cast<int>(below(3));
+    c.options.refinement_steps = 0;
+    c.options.required_backward_error = std::numeric_limits<double>::infinity();
+    c.options.singular = below(3) == 0 ? SingularMatrix::error : SingularMatrix::report;
+    c.name += fmt::format(", precision {}, blocks {}, rescale {}", static_cast<int>(c.options.precision),
+                          c.options.max_block_size, static_cast<int>(c.options.rescale));
+    c.a = matrix_for(c.options.kind, c.name);
+    return c;
+  }
+
+  static bool same(const void* a, const void* b, std::size_t bytes) { return std::memcmp(a, b, bytes) == 0; }
+
+  // What differs; empty: nothing.
+  std::string compare(Solver& partial, Solver& whole, const FactorResult& p, const FactorResult& w,
+                      const std::vector<double>& b) {
+    if (p.status.code != w.status.code) return "status: " + p.status.message + " / " + w.status.message;
+    if (p.rank != w.rank) return fmt::format("rank {} / {}", p.rank, w.rank);
+    if (p.inertia.negative != w.inertia.negative)
+      return fmt::format("negative eigenvalues {} / {}", p.inertia.negative, w.inertia.negative);
+    if (p.two_by_two != w.two_by_two) return fmt::format("2 x 2 pivots {} / {}", p.two_by_two, w.two_by_two);
+    if (p.perturbed != w.perturbed || p.delayed != w.delayed) return "replaced or moved pivots";
+    if (!same(&p.determinant_log, &w.determinant_log, sizeof(double))) return "determinant";
+    if (!p.status.ok()) return {};
+    for (const Transpose t : {Transpose::no, Transpose::yes}) {
+      std::vector<double> x(b.size()), y(b.size());
+      (void)partial.solve(b, x, 1, t);
+      (void)whole.solve(b, y, 1, t);
+      for (std::size_t k = 0; k < x.size(); ++k)
+        if (!same(&x[k], &y[k], sizeof(double))) return fmt::format("x[{}]: {} / {}", k, x[k], y[k]);
+    }
+    return {};
+  }
+
+  void follow(const Case& c, int changes) {
+    Options options = c.options;
+    Solver whole(options);
+    options.partial_refactorization = true;
+    options.threads = 1 + static_cast<int>(below(3));
+    Solver partial(options);
+    if (!whole.analyze(c.a).status.ok() || !partial.analyze(c.a).status.ok()) return;
+    const std::vector<double> b = reference::random_vector(c.a.rows, 7);
+    std::vector<double> now = c.a.values;
+    Tally& tally = by_kind_[c.options.kind == Kind::llt ? "llt" : c.options.kind == Kind::lu ? "lu" : "ldlt"];
+    for (int k = 0; k <= changes; ++k) {
+      const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
+      const std::string wrong = compare(partial, whole, p, w, b);
+      for (Tally* t : {&tally, &all_}) {
+        if (!wrong.empty()) ++t->wrong;
+        if (k == 0) continue;
+        ++t->changes;
+        ++(!p.status.ok() ? t->refused : p.work_share == 0 ? t->none : p.work_share < 1 ? t->some : t->all);
+      }
+      if (!wrong.empty()) {
+        fmt::print("{}, change {}, share {:.3f}: {}\n", c.name, k, p.work_share, wrong);
+        return;
+      }
+      verdict::change_values(now, c.a.values, random_);
+    }
+  }
+
+  static void print(const std::string& kind, const Tally& t) {
+    fmt::print("{:5} {:7} changes: {} made some fronts, {} none, {} all, {} without a factor; {} wrong\n", kind,
+               t.changes, t.some, t.none, t.all, t.refused, t.wrong);
+  }
+
+  unsigned seed_;
+  std::string device_;
+  Index largest_;
+  std::mt19937 random_;
+  Tally all_;
+  std::map<std::string, Tally> by_kind_;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const auto number = [&](int k, int otherwise) { return argc > k ? std::atoi(argv[k]) : otherwise; };
+  const int changes = number(1, 10000), seed = number(2, 1), largest = number(4, 400);
+  if (changes < 1 || largest < 20) {
+    fmt::print(stderr, "espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N]]]], LARGEST_N from 20\n");
+    return 2;
+  }
+  return Campaign(static_cast<unsigned>(seed), argc > 3 ? argv[3] : "cpu", largest).run(changes);
+}
