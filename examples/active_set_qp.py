@@ -138,10 +138,14 @@ def solve_qp(P, q, A, l, u, *, tolerance=1e-9, eps=1e-7, delta=1e-6, most_steps=
     ls, us = e * np.where(l < -1e19, -np.inf, l), e * np.where(u > 1e19, np.inf, u)
     equal = ls == us
     rows = _ActiveRows(Ps, As, equal, eps, delta, options)
-    x, y, steps = np.zeros(len(q)), np.zeros(len(l)), 0
-    solved = False
+    x, y, steps, outer = np.zeros(len(q)), np.zeros(len(l)), 0, 0
+    flips, factorizations, solved = 0, 0, False
     while True:
         x_k, y_k = x, y
+        outer += 1
+        if outer % 10 == 0 and eps > 1e-10:  # slow along directions in which nothing curves
+            flips, factorizations, eps = flips + rows.flips, factorizations + rows.changed.cost.factorizations + 1, eps / 10
+            rows = _ActiveRows(Ps, As, equal, eps, delta, options)
         while steps < most_steps:  # the proximal problem around x_k, y_k
             w = As @ x + delta * y_k
             active = equal | (w > us) | (w < ls)
@@ -151,10 +155,10 @@ def solve_qp(P, q, A, l, u, *, tolerance=1e-9, eps=1e-7, delta=1e-6, most_steps=
             steps += 1
             w_new = As @ x_new + delta * y_k
             same = (active == (equal | (w_new > us) | (w_new < ls))) & (equal | ((w_new > us) == (w > us)))
-            if same.all():
+            step = x_new - x
+            if same.all() or np.abs(step).max() <= 1e-11 * (1 + np.abs(x).max()):  # or rows that are active by roundings come and go
                 x, y = x_new, np.where(active, y_new, 0)
                 break
-            step = x_new - x
             moved = As @ step
             clipped = np.clip(w, ls, us)
             gradient = Ps @ x + qs + eps * (x - x_k) + As.T @ ((w - clipped) / delta)
@@ -174,7 +178,7 @@ def solve_qp(P, q, A, l, u, *, tolerance=1e-9, eps=1e-7, delta=1e-6, most_steps=
     x, y = d * x, e * y / c
     ax = A @ x
     return QpResult(x, y, float(x @ (P @ x) / 2 + q @ x), bool(solved), float(np.abs(ax - np.clip(ax, l, u)).max(initial=0)),
-                    float(np.abs(P @ x + q + A.T @ y).max()), steps, rows.flips, rows.changed.cost.factorizations)
+                    float(np.abs(P @ x + q + A.T @ y).max()), steps, flips + rows.flips, factorizations + rows.changed.cost.factorizations)
 
 
 def random_qp(n, m, seed=0, rank=None):
