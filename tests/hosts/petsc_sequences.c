@@ -4,7 +4,7 @@
  * down. Prints a line for each wrong sequence and a summary; exit code 1 where one was wrong.
  *   mpicc tests/hosts/petsc_sequences.c $(pkg-config --cflags --libs petsc) -lm -o petsc_sequences
  *   PETSC_OPTIONS="-dll_append libespalier_petsc.so -pc_factor_mat_solver_type espalier" ./petsc_sequences [SEQUENCES
- * [SEED]]
+ *   [SEED [CALLS]]]     default: 1000 sequences, seed 1, 20 calls each
  */
 #include <math.h>
 #include <petscksp.h>
@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { kMost = 60, kCalls = 20, kActors = 2 };
+enum { kMost = 60, kActors = 2 };
 
 static uint64_t state;
 static uint64_t next(void) {
@@ -271,14 +271,14 @@ static void step(Actor* s) {
   }
 }
 
-static void run(uint64_t seed) {
+static void run(uint64_t seed, int calls) {
   state = seed * 0x2545f4914f6cdd1du + 1;
   said[0] = 0;
   last = "begin";
   count = 1;
   make(&actors[0]);
   attach(&actors[0]);
-  for (int k = 0; k < kCalls && said[0] == 0; ++k) {
+  for (int k = 0; k < calls && said[0] == 0; ++k) {
     step(&actors[below(count)]);
     if (said[0] == 0) check(&actors[below(count)]);
   }
@@ -287,11 +287,13 @@ static void run(uint64_t seed) {
 
 int main(int argc, char** argv) {
   const long sequences = argc > 1 ? atol(argv[1]) : 1000, seed = argc > 2 ? atol(argv[2]) : 1;
+  const int calls = argc > 3 ? atoi(argv[3]) : 20;
   long bad = 0;
   if (PetscInitialize(&argc, &argv, NULL, NULL) != 0) return 2;
-  if (argc < 4) PetscPushErrorHandler(PetscIgnoreErrorHandler, NULL); /* errors are expected; a third word shows them */
+  if (argc < 5)
+    PetscPushErrorHandler(PetscIgnoreErrorHandler, NULL); /* errors are expected; a fourth word shows them */
   for (long k = 0; k < sequences; ++k) {
-    run((uint64_t)(seed + k));
+    run((uint64_t)(seed + k), calls);
     if (said[0] == 0) continue;
     ++bad;
     printf("WRONG seed %ld: %s\n", seed + k, said);
