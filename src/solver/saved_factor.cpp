@@ -188,7 +188,9 @@ LoadedFactor load_factor(const std::string& path, Options options) {
     status = {StatusCode::out_of_memory, path + ": the machine has too little memory for what the file holds", -1};
   }
   if (!status.ok()) loaded.result.status = std::move(status);
-  if (!loaded.result.status.ok()) loaded.restored = false;
+  Status& end = loaded.result.status;
+  if (end.code == StatusCode::invalid_input && !end.message.starts_with(path)) end.message = path + ": " + end.message;
+  if (!end.ok()) loaded.restored = false;
   return loaded;
 }
 

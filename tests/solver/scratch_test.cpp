@@ -83,7 +83,7 @@ TEST_F(ScratchFolder, AnyBudgetKindAndPrecisionSolves) {
     for (const Precision precision : {Precision::fp64, Precision::fp32}) {
       const Offset whole = in_core(a, options(kind, precision, 0));
       int written = 0;
-      for (const double part : {0.9, 0.75, 0.6}) {
+      for (const double part : {0.85, 0.6}) {
         SCOPED_TRACE(words[0] + ", a part of " + std::to_string(part));
         const auto budget = static_cast<Offset>(part * static_cast<double>(whole));
         Solver probe(options(kind, precision, budget));
