@@ -64,7 +64,7 @@ class _ActiveRows:
         self.columns = A.T.tocsc()
         self.equal = np.flatnonzero(equal)
         lower = sp.bmat([[P + eps * sp.eye(n), None], [A[self.equal], -delta * sp.eye(len(self.equal))]]) if len(self.equal) else P + eps * sp.eye(n)
-        self.solver = espalier.Solver(sp.tril(lower, format="csc"), symmetry="lower", kind="ldlt", **options)
+        self.solver = espalier.Solver(sp.tril(lower, format="csc"), **{"symmetry": "lower", "kind": "ldlt", "zero_pivot": 1e-20, **options})  # regular, if barely
         self.changed = espalier.ChangedSystem(self.solver)
         self.number = np.full(A.shape[0], -1)  # unknown of a row's multiplier; -1: it was never active
         self.number[self.equal] = n + np.arange(len(self.equal))
@@ -146,15 +146,17 @@ def solve_qp(P, q, A, l, u, *, tolerance=1e-9, eps=1e-7, delta=1e-6, most_steps=
         if outer % 10 == 0 and eps > 1e-10:  # slow along directions in which nothing curves
             flips, factorizations, eps = flips + rows.flips, factorizations + rows.changed.cost.factorizations + 1, eps / 10
             rows = _ActiveRows(Ps, As, equal, eps, delta, options)
+        at_bend = None
         while steps < most_steps:  # the proximal problem around x_k, y_k
             w = As @ x + delta * y_k
-            active = equal | (w > us) | (w < ls)
+            v = w if at_bend is None else at_bend
+            active = equal | (v > us) | (v < ls)
             rows.take(active)
-            bound = np.where(w > us, us, ls)
+            bound = np.where(v > us, us, ls)
             x_new, y_new = rows.solve(eps * x_k - qs, np.where(active, bound - delta * y_k, 0))
             steps += 1
             w_new = As @ x_new + delta * y_k
-            same = (active == (equal | (w_new > us) | (w_new < ls))) & (equal | ((w_new > us) == (w > us)))
+            same = (active == (equal | (w_new > us) | (w_new < ls))) & (equal | ((w_new > us) == (v > us)))
             step = x_new - x
             if same.all() or np.abs(step).max() <= 1e-11 * (1 + np.abs(x).max()):  # or rows that are active by roundings come and go
                 x, y = x_new, np.where(active, y_new, 0)
@@ -167,6 +169,8 @@ def solve_qp(P, q, A, l, u, *, tolerance=1e-9, eps=1e-7, delta=1e-6, most_steps=
             if not t > 0 or np.abs(gradient).max() < 1e-3 * tolerance:  # roundings alone are left
                 y = (w - clipped) / delta
                 break
+            # At a bend a row may be active by its last digit: then the next step takes the rows behind it.
+            at_bend = w_new if at_bend is None and np.abs(t * step).max() <= 1e-14 * np.abs(x).max() else None
             x = x + t * step
         ax = As @ x
         primal = np.abs(ax - np.clip(ax, ls, us)).max(initial=0) / (1 + np.abs(ax).max(initial=0))
