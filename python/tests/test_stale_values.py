@@ -1,9 +1,13 @@
 """Random sequences of calls on one solver, with arrays that change in place: a solution belongs to the values that were
 factorized last, or there is an error. Truth: residuals with a copy of these values, without refinement, which would hide a
-wrong factor."""
+wrong factor; for a few unknowns and the inverse dense solutions.
+
+    python test_stale_values.py [SEQUENCES [SEED]]     the campaign: 5 to 30 calls each; prints what was wrong, and a summary
+"""
 
 import copy
 import pickle
+import sys
 
 import numpy as np
 import pytest
@@ -58,7 +62,8 @@ class Sequence:
         if self.solver.analysis is None or self.given.format == "coo":
             return
         new = self.scaled(self.given).asformat(self.given.format)
-        data = new.data if self.random.integers(2) else np.repeat(new.data, 2)[::2]  # not contiguous
+        data = [new.data, np.repeat(new.data, 2)[::2], new.data[::-1].copy()[::-1], new.data.astype(new.data.dtype.newbyteorder()),
+                list(new.data)][int(self.random.integers(5))]
         self.solver.factorize(data)
         self.truth = self.whole(new)
         self.given = new
@@ -103,6 +108,79 @@ class Sequence:
         with pytest.raises(ValueError):
             self.solver.factorize(np.ones(self.given.nnz + 1))
 
+    def bad_entries(self):
+        """Refused; the factor stays."""
+        if self.truth is None:
+            return
+        good, count = self.given.data[:1], self.given.nnz
+        for places, values, kind in (([count], good, esp.InvalidInputError), ([-1], good, esp.InvalidInputError), ([0], [np.nan], esp.InvalidInputError),
+                                     ([0.0], good, TypeError), ([0, 0], good, ValueError), ([[0]], [good], ValueError), ([0], ["a"], (TypeError, ValueError))):
+            with pytest.raises(kind):
+                self.solver.factorize_entries(places, values)
+            assert self.solver.factor is not None
+        self.solver.factorize_entries([], [])
+
+    def singular_entries(self):
+        """A row and a column of zeros: the error names one of them, and the factor of the values before is there."""
+        if self.truth is None or self.given.format == "coo" or self.symmetry in ("auto", "symmetric"):
+            return
+        row = int(self.random.integers(self.given.shape[0]))
+        major = np.repeat(np.arange(self.given.shape[0]), np.diff(self.given.indptr))
+        places = np.flatnonzero((major == row) | (self.given.indices == row))
+        with pytest.raises((esp.SingularMatrixError, esp.NotPositiveDefiniteError)):
+            self.solver.factorize_entries(places, np.zeros(len(places)))
+        assert self.solver.factor is not None
+
+    def bad_values(self):
+        """Of a kind that values cannot have: nothing has happened."""
+        if self.solver.analysis is None:
+            return
+        for values in (np.full(self.given.nnz, "a"), np.ones((2, self.given.nnz)), [object()] * self.given.nnz):
+            with pytest.raises((TypeError, ValueError)):
+                self.solver.factorize(values)
+
+    def read_only(self):
+        """Arrays that nobody may write."""
+        self.given = self.scaled(self.given)
+        arrays = [self.given.data] + ([self.given.indices, self.given.indptr] if self.given.format != "coo" else [])
+        for array in arrays:
+            array.flags.writeable = False
+        self.solver.factorize(self.given)
+        self.truth = self.whole(self.given)
+        self.given = self.given.copy()
+
+    def change(self):
+        """An entry more."""
+        if self.solver.analysis is None or self.complex or self.symmetry not in ("general", "lower"):
+            return
+        n = self.given.shape[0]
+        i, j = sorted((int(k) for k in self.random.integers(0, n, 2)), reverse=True)
+        new = (self.given.tocsc() + sp.csc_array(([1e-3], ([i], [j])), shape=(n, n))).asformat(self.given.format)
+        self.truth = None
+        self.solver.analyze_change(new)
+        self.given = new
+
+    def rows(self):
+        n = self.given.shape[0]
+        wanted = self.random.integers(0, n, int(self.random.integers(1, 5)))
+        b = np.where(self.random.random((n, 2)) < 2 / n, self.random.uniform(-1, 1, (n, 2)), 0)
+        given = [b, np.asfortranarray(b), sp.csc_array(b), sp.coo_array(b)][int(self.random.integers(4))]
+        if self.truth is None:
+            if self.solver.analysis is not None:
+                with pytest.raises(RuntimeError):
+                    self.solver.solve(given, rows=wanted)
+            return
+        with pytest.raises(ValueError):
+            self.solver.solve(given, rows=[n])
+        x, truth = self.solver.solve(given, rows=wanted), np.linalg.solve(self.truth, b)
+        assert abs(x - truth[wanted]).max() <= 1e-10 * max(abs(truth).max(), 1e-3), "the rows are not those of the last values"
+
+    def inverse(self):
+        if self.truth is None:
+            return
+        truth = np.linalg.inv(self.truth)
+        assert abs(self.solver.inverse_diagonal() - np.diag(truth)).max() <= 1e-9 * abs(truth).max(), "the inverse is not that of the last values"
+
     def analyze(self):
         self.solver.analyze(self.given)
         self.truth = None
@@ -139,7 +217,8 @@ class Sequence:
 
     def run(self, calls):
         steps = [self.factorize, self.factorize, self.values, self.values, self.entries, self.entries, self.in_place,
-                 self.refused, self.wrong_count, self.analyze, self.swap]
+                 self.refused, self.wrong_count, self.analyze, self.swap, self.bad_entries, self.singular_entries, self.bad_values, self.read_only, self.change,
+                 self.rows, self.rows, self.rows, self.inverse]
         for _ in range(calls):
             steps[int(self.random.integers(len(steps)))]()
             self.check()
@@ -154,3 +233,21 @@ def test_solutions_are_those_of_the_last_values(first):
             Sequence(seed).run(25)
         except Exception as error:
             raise AssertionError(f"seed {seed}: {error}") from error
+
+
+def main(sequences=1000, first=1):
+    wrong = calls = 0
+    for seed in range(first, first + sequences):
+        count = 5 + seed % 26
+        try:
+            Sequence(seed).run(count)
+        except Exception as error:  # what it is does not matter
+            wrong += 1
+            print(f"WRONG seed {seed}: {type(error).__name__}: {error}")
+        calls += count
+    print(f"{sequences} sequences from seed {first} on, {calls} calls with a solution after each; {wrong} wrong")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(*(int(word) for word in sys.argv[1:])))

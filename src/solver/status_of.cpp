@@ -8,7 +8,8 @@
 
 namespace espalier::solver {
 
-Status status_of(base::Interruption& interruption, std::string_view remedy, const std::function<void()>& body) {
+Status status_of_function(base::Interruption& interruption, std::string_view remedy,
+                          const std::function<void()>& body) {
   try {
     const base::Interruption::Call call(interruption);
     interruption.check();  // only this thread asks, and the others may leave it no piece of the work

@@ -5,10 +5,13 @@
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
+#include <functional>
 #include <limits>
 #include <new>
 
 #include "espalier/espalier.hpp"
+#include "espalier/inverse.hpp"
+#include "espalier/solve_rows.hpp"
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
 
@@ -163,6 +166,89 @@ TEST(Allocation, EveryOneFailsOnce) {
       EXPECT_EQ(x, good);
     }
     EXPECT_GT(failures, 20 / kEvery);
+  }
+}
+
+// Calls on a factor: a few new values, a few unknowns, the diagonal of the inverse. Where memory fails, the answer is
+// that of the values before or of the new ones, or the solver says that it has no factor. Truth: bits of whole calls.
+TEST(Allocation, EveryOneOfCallsOnAFactorFailsOnce) {
+  for (Case c : cases()) {
+    SCOPED_TRACE(c.name);
+    c.options.partial_refactorization = true;
+    const auto n = static_cast<std::size_t>(c.a.rows);
+    std::vector<Offset> places;
+    std::vector<double> changed = c.a.values, some;
+    for (std::size_t j = 0; j < n; j += 40)
+      for (Offset q = c.a.col_ptr[j]; q < c.a.col_ptr[j + 1]; ++q) {
+        const auto at = static_cast<std::size_t>(q);
+        if (static_cast<std::size_t>(c.a.row_ind[at]) != j) continue;
+        changed[at] *= 1.5;
+        places.push_back(q);
+        some.push_back(changed[at]);
+      }
+    const std::vector<double> b = reference::random_vector(2 * static_cast<std::int64_t>(n), 7);
+    const std::vector<Offset> begin = {0, 2, 3};
+    const std::vector<Index> rows = {0, 5, 7}, wanted = {3, 0, 11};
+    const std::vector<double> loads = {1, -2, 3};
+    struct Answers {
+      std::vector<double> whole, few, diagonal;
+    };
+    const auto answers = [&](Solver& s) {
+      Answers out{std::vector<double>(b.size()), std::vector<double>(6), std::vector<double>(n)};
+      EXPECT_TRUE(s.solve(b, out.whole, 2).status.ok());
+      EXPECT_TRUE(solve_rows(s, {begin, rows, loads}, wanted, out.few).status.ok());
+      EXPECT_TRUE(inverse_diagonal(s, out.diagonal).status.ok());
+      return out;
+    };
+    Solver s(c.options);
+    ASSERT_TRUE(s.analyze(c.a).status.ok());
+    ASSERT_TRUE(s.factorize(c.a).status.ok());
+    ASSERT_TRUE(s.refactorize(changed).status.ok());
+    const Answers after = answers(s);
+    ASSERT_TRUE(s.refactorize(c.a.values).status.ok());
+    const Answers before = answers(s);
+    std::vector<double> few(6), diagonal(n), x(b.size());
+    const std::vector<std::function<StatusCode()>> calls = {
+        [&] { return s.refactorize_entries(places, some).status.code; },
+        [&] {
+          return solve_rows(s, {begin, rows, loads}, wanted, few).status.code;
+        },
+        [&] { return inverse_diagonal(s, diagonal).status.code; }};
+    for (std::size_t which = 0; which < calls.size(); ++which) {
+      ASSERT_TRUE(s.refactorize(c.a.values).status.ok());
+      allocations = 0;
+      ASSERT_EQ(calls[which](), StatusCode::ok);
+      const long total = allocations;
+      long failures = 0;
+      for (long k = 0; k < total; k += kEvery) {
+        ASSERT_TRUE(s.refactorize(c.a.values).status.ok()) << "call " << which << ", allocation " << k;
+        allocations_left = k;
+        StatusCode code = StatusCode::cancelled;
+        try {
+          code = calls[which]();
+        } catch (const std::bad_alloc&) {  // that is no status
+        }
+        allocations_left = kNever;
+        ASSERT_TRUE(code == StatusCode::out_of_memory || code == StatusCode::ok)
+            << "call " << which << ", allocation " << k << " gave status " << static_cast<int>(code);
+        failures += code == StatusCode::out_of_memory ? 1 : 0;
+        if (s.state() != Solver::State::factorized) {
+          EXPECT_EQ(which, 0U) << "a call that only reads took the factor away";
+          continue;
+        }
+        ASSERT_TRUE(s.solve(b, x, 2).status.ok());
+        // Where there is no memory for the result alone, the new factor is there.
+        const bool made = which == 0 && (code == StatusCode::ok || s.values() == changed);
+        EXPECT_EQ(x, made ? after.whole : before.whole) << "call " << which << ", allocation " << k;
+        if (code == StatusCode::ok && which == 1) {
+          EXPECT_EQ(few, before.few) << "allocation " << k;
+        }
+        if (code == StatusCode::ok && which == 2) {
+          EXPECT_EQ(diagonal, before.diagonal) << "allocation " << k;
+        }
+      }
+      EXPECT_GT(failures, which == 0 ? 0 : 2) << "call " << which << ", of " << total;
+    }
   }
 }
 
