@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <atomic>
 #include <utility>
 #include <vector>
 
@@ -32,15 +33,40 @@ inline Index row_in_front(const plan::Plan& plan, Index f, Index position) {
   return at != end && *at == position ? pivots + static_cast<Index>(at - begin) : -1;
 }
 
+/// The front of each pivot, by position.
+inline std::vector<Index> fronts_of_positions(const plan::Plan& plan) {
+  std::vector<Index> front(static_cast<std::size_t>(plan.tree.n));
+  for (Index f = 0; f < plan.fronts(); ++f)
+    std::fill(front.begin() + plan.tree.first[f], front.begin() + plan.tree.first[f + 1], f);
+  return front;
+}
+
+/// The fronts that may have some of the entries, and those above them: no others have to be made.
+template <class T>
+std::vector<char> fronts_to_make(const plan::Plan& plan, const InverseEntries<T>& entries, base::ThreadPool& pool) {
+  constexpr std::int64_t kGrain = 1 << 14;  // entries a range
+  const std::vector<Index> front_of = fronts_of_positions(plan);
+  std::vector<char> needed(static_cast<std::size_t>(plan.fronts()), 0);
+  pool.for_each_range(static_cast<std::int64_t>(entries.row.size()), kGrain, [&](std::int64_t begin, std::int64_t end) {
+    for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e) {
+      const auto first = static_cast<std::size_t>(std::min(entries.row[e], entries.col[e]));
+      const std::atomic_ref<char> mark(needed[static_cast<std::size_t>(front_of[first])]);
+      if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
+    }
+  });
+  for (Index f = 0; f < plan.fronts(); ++f)
+    if (const Index parent = plan.tree.parent[static_cast<std::size_t>(f)]; parent >= 0)
+      needed[static_cast<std::size_t>(parent)] |= needed[static_cast<std::size_t>(f)];
+  return needed;
+}
+
 /// Fills entries.known, and finds the others.
 template <class T>
 InversePlaces find_inverse_places(const plan::Plan& plan, const InverseEntries<T>& entries, base::ThreadPool& pool,
                                   base::MemoryBudget* budget) {
   constexpr std::int64_t kGrain = 1 << 14, kMostCounts = 1 << 22;
   const auto fronts = static_cast<std::int64_t>(plan.fronts());
-  std::vector<Index> front_of(static_cast<std::size_t>(plan.tree.n));
-  for (Index f = 0; f < plan.fronts(); ++f)
-    std::fill(front_of.begin() + plan.tree.first[f], front_of.begin() + plan.tree.first[f + 1], f);
+  const std::vector<Index> front_of = fronts_of_positions(plan);
   const auto count = static_cast<std::int64_t>(entries.row.size());
   // By the front that has them, in their order: parts of the list are counted, then put, whatever the threads.
   const std::int64_t parts = std::clamp<std::int64_t>(

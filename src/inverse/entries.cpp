@@ -149,17 +149,18 @@ class Inverse {
     std::vector<Index> sample = columns_;
     if (columns_.size() > static_cast<std::size_t>(kChecked)) {
       const MatrixEntries a(s_.current().system->prepared, s_.pool);
-      Entries all = entries_of_product(a, n_, s_.pool);
-      if (all == wanted_) {
+      const bool definite = s_.factor->analysis()->kind() == Kind::llt;
+      Entries more = definite ? missing_diagonal() : entries_of_product(a, n_, s_.pool);
+      if (more.size() == 0 || more == wanted_) {
         by_factor(wanted_, x_, 0);
-        sample = choose_sample(a, x_);
+        sample = definite ? choose_by_diagonal(a, wanted_, x_) : choose_sample(a, x_);
       } else {  // both together: what they have in common is made once
-        const std::size_t product = all.size();
-        all.append(wanted_);
-        std::vector<Value> values(all.size());
-        by_factor(all, values, product);
-        std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(product), wanted_.size(), x_.begin());
-        sample = choose_sample(a, values);
+        const std::size_t others = more.size();
+        more.append(wanted_);
+        std::vector<Value> values(more.size());
+        by_factor(more, values, others);
+        std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(others), wanted_.size(), x_.begin());
+        sample = definite ? choose_by_diagonal(a, more, values) : choose_sample(a, values);
       }
     } else {
       by_factor(wanted_, x_, 0);
@@ -218,6 +219,41 @@ class Inverse {
                       numeric.device_name()));
   }
 
+  // The diagonal entries of the columns, where they are not asked for.
+  Entries missing_diagonal() const {
+    std::vector<char> missing(static_cast<std::size_t>(n_), 0);
+    for (const Index j : columns_) missing[static_cast<std::size_t>(j)] = 1;
+    over_entries(wanted_.size(), [&](std::size_t e) {
+      if (wanted_.unknown[e] == wanted_.row[e])
+        std::atomic_ref<char>(missing[static_cast<std::size_t>(wanted_.row[e])]).store(0, std::memory_order_relaxed);
+    });
+    Entries list;
+    for (const Index j : columns_)
+      if (missing[static_cast<std::size_t>(j)] != 0) list.append(j, j);
+    return list;
+  }
+
+  // Positive definite matrices: columns by a_jj z_jj, the variance of an unknown over what it were if all others were
+  // known. So many times rounding is lost in z_jj, which bounds the entries beside it: |z_ij|^2 <= z_ii z_jj.
+  std::vector<Index> choose_by_diagonal(const MatrixEntries& a, const Entries& entries, std::span<const Value> x) {
+    const auto* values = reinterpret_cast<const Value*>(s_.factor->values_of_entries().data());
+    const auto n = static_cast<std::size_t>(n_);
+    std::vector<double> of_a(n, 0), doubt(n, 0);
+    s_.pool.for_each_range(n_, kGrain, [&](std::int64_t begin, std::int64_t end) {
+      a.for_each(begin, end, [&](std::size_t, Offset q, Index r, Index c) {
+        if (r == c) of_a[static_cast<std::size_t>(c)] += std::real(values[q]);
+      });
+    });
+    over_entries(entries.size(), [&](std::size_t e) {
+      if (entries.unknown[e] != entries.row[e]) return;
+      const auto j = static_cast<std::size_t>(entries.row[e]);
+      const double size = of_a[j] * std::abs(x[e]);
+      std::atomic_ref<double>(doubt[j]).store(std::isnan(size) ? std::numeric_limits<double>::infinity() : size,
+                                              std::memory_order_relaxed);
+    });
+    return worst_columns(doubt);
+  }
+
   // Columns j by what row j of A and column j of A^-1 come to: the residual of A A^-1 = I there, which is about eps
   // times |A| |A^-1|, a condition of the row; both show where digits are lost. Those with entries that are asked for
   // alone.
@@ -257,6 +293,11 @@ class Inverse {
       doubt[j] = std::max(std::abs(residual), kEps * size);
       if (std::isnan(doubt[j])) doubt[j] = std::numeric_limits<double>::infinity();
     }
+    return worst_columns(doubt);
+  }
+
+  // Six of them, and two others.
+  [[nodiscard]] std::vector<Index> worst_columns(const std::vector<double>& doubt) const {
     std::vector<Index> order = columns_;
     constexpr Index kWorst = kChecked - 2;
     std::partial_sort(order.begin(), order.begin() + kWorst, order.end(), [&](Index i, Index j) {

@@ -19,6 +19,10 @@ struct Entries {
     unknown[q] = of_unknown;
     row[q] = of_row;
   }
+  void append(Index of_unknown, Index of_row) {
+    unknown.push_back(of_unknown);
+    row.push_back(of_row);
+  }
   void append(const Entries& more) {
     unknown.insert(unknown.end(), more.unknown.begin(), more.unknown.end());
     row.insert(row.end(), more.row.begin(), more.row.end());

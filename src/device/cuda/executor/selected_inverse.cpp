@@ -62,8 +62,7 @@ class DeviceInverse {
       : job_(job), pool_(pool), entries_(entries), loan_(job.budget, job.space) {}
 
   void run() {
-    wanted_ = find_inverse_places(job_.plan, entries_, pool_, nullptr);
-    const Offset count = wanted_.ptr.back();
+    const auto count = static_cast<Offset>(entries_.row.size());
     if (count == 0) return;
     address_ = loan_.take<std::int64_t>(count);
     entry_ = loan_.take<T>(count);
@@ -78,14 +77,7 @@ class DeviceInverse {
 
  private:
   void plan_launches() {
-    const Index fronts = job_.plan.fronts();
-    std::vector<char> needed(static_cast<std::size_t>(fronts), 0);
-    for (Index f = 0; f < fronts; ++f) {
-      const auto at = static_cast<std::size_t>(f);
-      if (wanted_.ptr[at + 1] > wanted_.ptr[at]) needed[at] = 1;
-      if (const Index parent = job_.plan.tree.parent[at]; parent >= 0)
-        needed[static_cast<std::size_t>(parent)] |= needed[at];
-    }
+    const std::vector<char> needed = fronts_to_make(job_.plan, entries_, pool_);
     std::vector<char> staged;
     for (const InverseSource<T>& source : job_.sources) staged.push_back(source.on_host ? 1 : 0);
     if (std::find(staged.begin(), staged.end(), 1) == staged.end()) staged.clear();
@@ -137,6 +129,7 @@ class DeviceInverse {
 
   // Where each entry stands in the stack, in the order in which fronts are read; beside the kernels.
   void send_addresses() {
+    wanted_ = find_inverse_places(job_.plan, entries_, pool_, nullptr);
     const std::size_t spots = tables_.spots.size();
     read_.assign(spots + 1, 0);
     for (std::size_t k = 0; k < spots; ++k) {

@@ -169,28 +169,14 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
 
   bool invert_at(const T* store, const InverseEntries<T>& entries) override {
     const DeviceGuard guard(resources_.device());
-    const auto& fronts = this->out_of_core_tables().device_plan().fronts;
-    std::vector<Front> separate = fronts;
-    std::vector<InverseSource<T>> sources;
-    const auto* arena = reinterpret_cast<const T*>(resources_.arena());
-    const auto in_arena = [&](Offset at) { return arena + at / static_cast<Offset>(sizeof(T)); };
-    for (std::size_t f = 0; f < fronts.size(); ++f) {
-      separate[f].inverted = fronts[f].width;  // nobody joins inverses out of core
-      const auto at = out_of_core_->resident_at.empty() ? std::array<Offset, 2>{-1, -1} : out_of_core_->resident_at[f];
-      const bool second = kind_ == Kind::lu;
-      if (at[0] >= 0)
-        sources.push_back({in_arena(at[0]), second ? in_arena(at[1]) : nullptr, false});
-      else
-        sources.push_back(
-            {store + out_of_core_->factor_store[f], second ? store + out_of_core_->factor2_store[f] : nullptr, true});
-    }
     if (part_) part_->forget();  // its tables stand in the same memory
-    const bool ldlt = kind_ == Kind::ldlt;
-    TableUpload uploads(solve_pool_);
-    invert_on_device<T>({this->plan(), kind_, separate, std::move(sources), ldlt ? pivots_.inverse_d().data() : nullptr,
-                         ldlt ? pivots_.inverse_e().data() : nullptr, resources_.stream(Queue::run), nullptr,
-                         idle_space(), uploads, solve_pool_},
-                        entries);
+    try {
+      invert_in(idle_space(true), store, nullptr, entries);
+    } catch (const Error& e) {
+      if (e.status().code != StatusCode::out_of_memory || out_of_core_->resident.empty()) throw;
+      AwayFromDevice away(*this);  // what stays on the device takes the room
+      invert_in(idle_space(false), store, away.memory(), entries);
+    }
     return true;
   }
 
@@ -203,13 +189,71 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   [[nodiscard]] Offset peak_bytes() const override { return resources_.arena_bytes(); }
 
  private:
-  // The largest part of the arena that holds nothing between factorizations but tables of a solve.
-  [[nodiscard]] std::span<std::byte> idle_space() const {
-    constexpr Offset kShared = 256, kAligned = 256;
-    std::vector<std::pair<Offset, Offset>> used = {{out_of_core_->shared_at, out_of_core_->shared_at + kShared}};
+  // The factors that stay on the device, in the host's memory for a while.
+  class AwayFromDevice {
+   public:
+    explicit AwayFromDevice(const CudaOutOfCoreBackend& of)
+        : of_(of), memory_(to_elements(of.resources_.arena_bytes()), nullptr) {
+      of_.for_residents([&](Offset at, Offset bytes) { of_.copy(memory() + to_elements(at), at, bytes, false); });
+    }
+    ~AwayFromDevice() {
+      try {
+        of_.for_residents([&](Offset at, Offset bytes) { of_.copy(memory() + to_elements(at), at, bytes, true); });
+      } catch (const Error&) {  // the device is lost, and so is the factor: the next call says so
+      }
+    }
+    AwayFromDevice(const AwayFromDevice&) = delete;
+    AwayFromDevice& operator=(const AwayFromDevice&) = delete;
+    /// Places as in the arena.
+    [[nodiscard]] T* memory() { return memory_.data(); }
+
+   private:
+    const CudaOutOfCoreBackend& of_;
+    base::Buffer<T> memory_;  // pages that nobody writes are none
+  };
+  static Offset to_elements(Offset bytes) { return bytes / static_cast<Offset>(sizeof(T)); }
+  // use(place in the arena, bytes) for each factor array there.
+  template <class Use>
+  void for_residents(Use&& use) const {
     for (const Index f : out_of_core_->resident)
       for (const Offset at : out_of_core_->resident_at[static_cast<std::size_t>(f)])
-        if (at >= 0) used.emplace_back(at, at + this->front(f).factor_size() * static_cast<Offset>(sizeof(T)));
+        if (at >= 0) use(at, this->front(f).factor_size() * static_cast<Offset>(sizeof(T)));
+  }
+  void copy(T* host, Offset at, Offset bytes, bool back) const {
+    std::byte* const device = resources_.arena() + at;
+    call("cudaMemcpy", [&] {
+      return back ? cudaMemcpy(device, host, static_cast<std::size_t>(bytes), cudaMemcpyHostToDevice)
+                  : cudaMemcpy(host, device, static_cast<std::size_t>(bytes), cudaMemcpyDeviceToHost);
+    });
+  }
+
+  // @param away  the factors of residents, at their places in the arena; null: they are there
+  void invert_in(std::span<std::byte> space, const T* store, const T* away, const InverseEntries<T>& entries) {
+    std::vector<Front> fronts = this->out_of_core_tables().device_plan().fronts;
+    const T* const here = away != nullptr ? away : reinterpret_cast<const T*>(resources_.arena());
+    const bool lu = kind_ == Kind::lu, ldlt = kind_ == Kind::ldlt;
+    std::vector<InverseSource<T>> sources;
+    for (std::size_t f = 0; f < fronts.size(); ++f) {
+      fronts[f].inverted = fronts[f].width;  // nobody joins inverses out of core
+      std::array<Offset, 2> at{-1, -1};
+      if (!out_of_core_->resident_at.empty()) at = out_of_core_->resident_at[f];
+      if (at[0] >= 0)
+        sources.push_back({here + to_elements(at[0]), lu ? here + to_elements(at[1]) : nullptr, away != nullptr});
+      else
+        sources.push_back(
+            {store + out_of_core_->factor_store[f], lu ? store + out_of_core_->factor2_store[f] : nullptr, true});
+    }
+    TableUpload uploads(solve_pool_);
+    invert_on_device<T>({this->plan(), kind_, fronts, std::move(sources), ldlt ? pivots_.inverse_d().data() : nullptr,
+                         ldlt ? pivots_.inverse_e().data() : nullptr, resources_.stream(Queue::run), nullptr, space,
+                         uploads, solve_pool_},
+                        entries);
+  }
+  // The largest part of the arena that holds nothing between factorizations but tables of a solve.
+  [[nodiscard]] std::span<std::byte> idle_space(bool with_residents) const {
+    constexpr Offset kShared = 256, kAligned = 256;
+    std::vector<std::pair<Offset, Offset>> used = {{out_of_core_->shared_at, out_of_core_->shared_at + kShared}};
+    if (with_residents) for_residents([&](Offset at, Offset bytes) { used.emplace_back(at, at + bytes); });
     used.emplace_back(resources_.arena_bytes(), resources_.arena_bytes());
     std::sort(used.begin(), used.end());
     Offset best = 0, size = 0, end = 0;
@@ -220,7 +264,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
       }
       end = std::max(end, (to + kAligned - 1) / kAligned * kAligned);
     }
-    return {resources_.arena() + best, static_cast<std::size_t>(std::max<Offset>(0, size))};
+    return {resources_.arena() + best, static_cast<std::size_t>(size)};
   }
   template <class Run>
   void solve_with(const T* store, bool reachable, Run&& run) {
