@@ -17,7 +17,7 @@ struct InverseResult {
   double seconds = 0;  ///< whole call
   /// Estimated: the largest error of an entry over the largest entry of its column of A^-1. Columns that are solved for
   /// and refined are compared (`checked`): all where there are no more than eight, else those whose rows of A X = I
-  /// look worst, and some others.
+  /// look worst (with L L^T those with the largest a_jj x_jj), and some others.
   double error = std::numeric_limits<double>::quiet_NaN();
   /// Likewise over the entry itself: entries that are far smaller than the others of their column have fewer digits.
   double entry_error = std::numeric_limits<double>::quiet_NaN();
@@ -45,8 +45,8 @@ using ComplexTraceResult = TraceResultOf<std::complex<double>>;
 /// diagonal where A stores it. Other entries cost a solve for each of their columns.
 ///
 /// A factor of one process, on the host or on one GPU, in core or out of core; those that several GPUs share in core,
-/// and those of ranks, are refused with status device_error. Status singular: A has no inverse; the message names a row. accuracy_not_reached: the entries are there, but
-/// not three digits of them are sure.
+/// and those of ranks, are refused with status device_error. Status singular: A has no inverse; the message names a
+/// row. accuracy_not_reached: the entries are there, but not three digits of them are sure.
 /// @pre solver.state() == factorized, for all below.
 /// @throws std::logic_error without a factor, std::invalid_argument for wrong sizes
 ///
