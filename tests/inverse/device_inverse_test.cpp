@@ -282,7 +282,8 @@ TEST(DeviceInverse, SmallMemories) {
         std::vector<double> b(at(a.cols), 1), before(b), after(b), x(at(a.nonzeros()));
         ASSERT_TRUE(s.solve(b, before).status.ok());
         const InverseResult r = selected_inverse(s, a, x);
-        if (part > 2 && r.status.code == StatusCode::out_of_memory) {
+        // A GPU has the factor and the inverse of the largest front at once, beside what stays of the factor.
+        if ((part > 2 || device != "cpu") && r.status.code == StatusCode::out_of_memory) {
           EXPECT_NE(r.status.message.find("device"), std::string::npos) << r.status.message;
           continue;
         }

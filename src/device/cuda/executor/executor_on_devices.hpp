@@ -257,6 +257,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   // The devices' clocks have nothing in common: each device's first task counts as the begin of the run.
   void record(double began);
 
+  void take_values(std::span<const T> values);
   void send_values();
 
   // Where the others do not reach the first's memory: the limits of the pivot rule, set from here.

@@ -14,7 +14,7 @@ FactorOutcome ExecutorOnDevices<T>::factorize_changed(std::span<const T> values,
   base::ThreadPool alone(1);
   const std::vector<char> reached =
       plan::fronts_reached(plan_, values, before, options_.pool != nullptr ? *options_.pool : alone);
-  to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
+  take_values(values);
   return run_part({}, reached);
 }
 

@@ -14,9 +14,16 @@ bool is_finite(double largest) { return largest <= std::numeric_limits<double>::
 
 }  // namespace
 
+// The devices have room for values up to the last one that the plan uses; behind it there may be others, of the second
+// triangle of a symmetric matrix.
+template <class T>
+void ExecutorOnDevices<T>::take_values(std::span<const T> values) {
+  to_device(first().values(), values.data(), std::min(context_.values, static_cast<Offset>(values.size())));
+}
+
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
-  to_device(first().values(), values.data(), static_cast<Offset>(values.size()));
+  take_values(values);
   return run(false);
 }
 
