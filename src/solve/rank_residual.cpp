@@ -44,7 +44,7 @@ double RankResidual::norm(bool transpose) const {
 }
 
 // The rows of the others.
-void RankResidual::gather(std::span<double* const> vectors) const {
+void RankResidual::gather_all(std::span<double* const> vectors) const {
   const Range mine = range_of(link_.rank());
   std::vector<double> rows;
   rows.reserve(vectors.size() * static_cast<std::size_t>(mine.count));
@@ -80,13 +80,13 @@ void RankResidual::compute(std::span<ResidualColumn> columns, bool transpose) co
     columns[k].error = ResidualOperator::judge(whole.errors, whole.norm);
     if (columns[k].r != nullptr) residuals.push_back(columns[k].r);
   }
-  if (!residuals.empty()) gather(residuals);
+  if (!residuals.empty()) gather_all(residuals);
 }
 
 void RankResidual::multiply(const double* x, double* y, bool transpose) const {
   if (!shared_) return mine_.multiply(x, y, transpose);
   mine_.multiply(x, y, transpose);
-  gather(std::span<double* const>(&y, 1));
+  gather_all(std::span<double* const>(&y, 1));
 }
 
 void RankResidual::multiply_columns(const double* x, double* y, Index columns, bool transpose) const {
@@ -94,7 +94,7 @@ void RankResidual::multiply_columns(const double* x, double* y, Index columns, b
   without_choice([&] { mine_.multiply_columns(x, y, columns, transpose); });
   std::vector<double*> products;
   for (Index k = 0; k < columns; ++k) products.push_back(y + Offset{k} * size());
-  gather(products);
+  gather_all(products);
 }
 
 ResidualSpace::Vectors RankResidual::vectors(Index slot, Index columns) const {

@@ -44,7 +44,7 @@ class RankResidual final : public ResidualSpace {
     Offset first, count;  // doubles of a vector
   };
   [[nodiscard]] Range range_of(int rank) const;
-  void gather(std::span<double* const> vectors) const;
+  void gather_all(std::span<double* const> vectors) const;
 
   const ResidualOperator& mine_;
   ranks::Link& link_;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <atomic>
+#include <bit>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <utility>
 
@@ -11,6 +13,12 @@
 #include "solver/factor.hpp"
 
 namespace espalier::solver {
+
+namespace {
+
+bool has_bits_of(double a, double b) { return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b); }
+
+}  // namespace
 
 FactorValues::FactorValues(const System& system, Values values, const Context& context)
     : link_(context.link),
@@ -108,7 +116,7 @@ void FactorValues::load(std::span<const Offset> places, std::span<const double> 
   std::vector<double> changed;
   for (std::size_t k = 0; k < before.size(); ++k) {
     const auto [place, was] = before[k];
-    if ((k > 0 && before[k - 1].first == place) || std::memcmp(&was, &values_[at(place)], sizeof was) == 0) continue;
+    if ((k > 0 && before[k - 1].first == place) || has_bits_of(was, values_[at(place)])) continue;
     changed_->push_back(place);
     changed.push_back(values_[at(place)]);
   }
@@ -126,7 +134,7 @@ void FactorValues::send_changed(std::span<const double> from, device::DeviceLine
     const auto bytes = at(end - begin) * sizeof(double);
     if (std::memcmp(&from[at(begin)], &values_[at(begin)], bytes) == 0) return;
     for (auto k = begin; k < end; ++k)
-      if (std::memcmp(&from[at(k)], &values_[at(k)], sizeof(double)) != 0) found[at(begin / kRange)].push_back(k);
+      if (!has_bits_of(from[at(k)], values_[at(k)])) found[at(begin / kRange)].push_back(k);
   });
   std::vector<std::size_t> first{0};
   for (const auto& of_range : found) first.push_back(first.back() + of_range.size());
