@@ -177,7 +177,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
   Offset floor_ = 0;         // bytes of the least budget
   Offset pinned_bytes_ = 0;  // of the store may be page-locked
   out_of_core::DiskOptions disk_;
-  double resident_ = -1;     // of the budget: factors that stay on the device
+  double resident_ = -1;  // of the budget: factors that stay on the device
 };
 
 inline bool same_bits(const std::vector<double>& x, const std::vector<double>& y) {
