@@ -17,13 +17,16 @@ std::vector<Offset> entries_of(const SparseMatrix& a, Index row) {
   return places;
 }
 
-void check(const std::vector<std::string>& words, Kind kind, bool partial, const char* device) {
-  SCOPED_TRACE(words[0] + ", partial " + std::to_string(static_cast<int>(partial)) + ", " + device);
+void check(const std::vector<std::string>& words, Kind kind, bool partial, const char* device,
+           Rescale rescale = Rescale::off) {
+  SCOPED_TRACE(words[0] + ", partial " + std::to_string(static_cast<int>(partial)) + ", " + device + ", rescale " +
+               std::to_string(static_cast<int>(rescale)));
   const SparseMatrix a = generated(words);
   Options o = two_threads();
   o.kind = kind;
   o.device = device;
   o.partial_refactorization = partial;
+  o.rescale = rescale;
   Solver s(o);
   ASSERT_TRUE(s.analyze(a).status.ok());
   ASSERT_TRUE(s.factorize(a).status.ok());
@@ -77,6 +80,14 @@ TEST(SingularChanges, AreNamedAndTheFactorBeforeIsThere) {
       check({"elasticity", "4"}, Kind::ldlt, partial, device);
       check({"gyroscopic", "3"}, Kind::lu, partial, device);
     }
+}
+
+// New scales of a row of zeros are an error before the first front, which takes all of the factor with it.
+TEST(SingularChanges, AreNamedWhereScalesAreAnew) {
+  for (const bool partial : {false, true}) {
+    check({"elasticity", "4"}, Kind::ldlt, partial, "cpu", Rescale::on);
+    check({"gyroscopic", "3"}, Kind::lu, partial, "cpu", Rescale::on);
+  }
 }
 
 }  // namespace singular_changes_test
