@@ -7,6 +7,7 @@
 
 #include "analysis/tree_change.hpp"
 #include "base/at.hpp"
+#include "matrix/norms.hpp"
 #include "plan/front_cost.hpp"
 #include "plan/kept_entries.hpp"
 #include "solver/analysis_draft.hpp"
@@ -196,6 +197,12 @@ NextTree next_tree(const Analysis& before, const System& system, const PatternDi
   return next;
 }
 
+// Whether a matrix that "auto" has found symmetric is so still.
+bool stays_symmetric(const MatrixView& a) {
+  if (a.symmetric()) return true;
+  return a.values.empty() ? matrix::structure_is_symmetric(a) : matrix::values_are_symmetric(a);
+}
+
 }  // namespace
 
 FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given, const Context& context,
@@ -210,6 +217,10 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   MatrixView a = given;
   if (!context.options.analyze_values) a.values = {};
   const PreparedMatrix& was = before.system->prepared;
+  if (context.options.kind == Kind::automatic && before.kind() != Kind::lu && !stays_symmetric(a)) {
+    followed.why = "the matrix is not symmetric any more";
+    return followed;
+  }
   (void)choose_kind(a, before.kind(), context.pool);  // llt and ldlt need a symmetric matrix
   auto system = std::make_shared<System>();
   system->kind = before.kind();

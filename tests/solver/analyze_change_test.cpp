@@ -381,6 +381,30 @@ TEST(AnalyzeChange, OrdersBesideTheWorkEndWithTheirSolver) {
   expect_small_error(clone, a);
 }
 
+TEST(AnalyzeChange, AutoFindsAnotherKindWhereSymmetryEnds) {
+  const SparseMatrix symmetric{2, 2, {0, 2, 4}, {0, 1, 0, 1}, {4, 1, 1, 3}, Storage::general};
+  const SparseMatrix other{2, 2, {0, 2, 4}, {0, 1, 0, 1}, {4, 1, 2, 3}, Storage::general};
+  for (const Kind kind : {Kind::automatic, Kind::llt}) {
+    Options o = two_threads();
+    o.kind = kind;
+    Solver s(o);
+    ASSERT_TRUE(s.analyze(symmetric).status.ok());
+    const ChangeResult change = s.analyze_change(other);
+    if (kind == Kind::llt) {
+      EXPECT_EQ(change.analysis.status.code, StatusCode::invalid_input);
+      continue;
+    }
+    ASSERT_TRUE(change.analysis.status.ok()) << change.analysis.status.message;
+    EXPECT_TRUE(change.full);
+    EXPECT_EQ(change.analysis.kind, Kind::lu);
+    ASSERT_TRUE(s.factorize(other).status.ok());
+    std::vector<double> x(2);
+    ASSERT_TRUE(s.solve(std::vector<double>{6, 4}, x).status.ok());  // [4 2; 1 3] x = b
+    EXPECT_NEAR(x[0], 1, 1e-15);
+    EXPECT_NEAR(x[1], 1, 1e-15);
+  }
+}
+
 TEST(AnalyzeChange, ClonesKeepTheirAnalysis) {
   const SparseMatrix a = natural_elasticity(5), b = with_springs(a, 5, 2);
   Solver solver(two_threads());
