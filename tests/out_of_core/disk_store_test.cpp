@@ -354,7 +354,7 @@ TEST_P(OutOfCoreOnDisk, HasTheBitsOfTheStoreInMemory) {
   }
 }
 
-// Each write and each read is refused in turn, until none is left to be refused.
+// Writes and reads are refused, one in each run: the first, the fourth, ... until none is left to be refused.
 TEST_P(OutOfCoreOnDisk, RefusedCallsAreErrorsAndTheNextFactorizationWorks) {
   const Offset window = least_window();
   if (window >= store_bytes(floor_)) GTEST_SKIP() << "all of it fits";
@@ -363,7 +363,7 @@ TEST_P(OutOfCoreOnDisk, RefusedCallsAreErrorsAndTheNextFactorizationWorks) {
   const std::vector<double> x = solved(*executor, false);
   for (const char* call : {"write", "read"}) {
     int failures = 0;
-    for (int number = 1; number < 2000; number += 1 + number / 4) {
+    for (int number = 1; number < 2000; number += 1 + 2 * number) {
       int calls = 0;
       const Status s = status_of([&] {
         DiskFault fault(call, number, std::string(call) == "write" ? ENOSPC : EIO);
