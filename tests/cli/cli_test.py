@@ -509,7 +509,7 @@ class Reports(Cli):
         self.assertGreaterEqual(len(report["devices"]), 1)
         for device in report["devices"]:
             self.assertEqual(set(device), {"name", "busy_seconds", "idle_fraction", "waiting_seconds", "stolen_subtrees", "peak_bytes",
-                                       "predicted_peak_bytes", "transferred_bytes", "streamed_in_bytes", "streamed_out_bytes", "link_seconds"})
+                                       "predicted_peak_bytes", "transferred_bytes", "streamed_in_bytes", "streamed_out_bytes", "disk_written_bytes", "disk_read_bytes", "link_seconds"})
             self.assertTrue(0 <= device["idle_fraction"] <= 1)
         events = json.loads(trace.read_text())
         self.assertTrue(events["traceEvents"] if isinstance(events, dict) else events)
