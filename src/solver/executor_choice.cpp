@@ -145,7 +145,7 @@ std::unique_ptr<device::Executor<T>> make_on_disk(const DeviceChoice& device, co
   } catch (const out_of_core::BudgetTooSmall& e) {
     const Offset more = e.needed() - *std::min_element(bytes.begin(), bytes.end());
     throw Error(StatusCode::out_of_memory,
-                fmt::format("the budget of {} on the host is too small for a factor on disk; one of {} would do "
+                fmt::format("the budget of {} on the host is too small for a factor on disk; it needs more than {} "
                             "(--host-memory)",
                             base::format_bytes(context.budget.limit()),
                             base::format_bytes(context.budget.limit() + 2 * more * device.devices())));
