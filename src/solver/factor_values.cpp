@@ -191,7 +191,7 @@ bool Factor::accepts(std::span<const Offset> entries, std::span<const double> va
 void Factor::factorize_entries(std::span<const Offset> entries, std::span<const double> values) {
   const double start = base::now_seconds();
   if (numeric_) values_.fetch(numeric_->device_system());  // which may be another one in a moment
-  begin();  // makes the numbers' object where a failure has taken it
+  begin();                                                 // makes the numbers' object where a failure has taken it
   const Offset parts = analysis_->system->parts();
   std::vector<Offset> places;
   places.reserve(values.size());
