@@ -8,36 +8,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <random>
-#include <stdexcept>
 #include <string>
 #include <vector>
 
 #include "espalier/changed_system.hpp"
-#include "matrix/generators/generate.hpp"
+#include "in_turns.hpp"
 
 namespace {
 
 using namespace espalier;
-
-template <class Body>
-double seconds_of(Body&& body) {
-  const auto start = std::chrono::steady_clock::now();
-  body();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v.empty() ? 0 : v[v.size() / 2];
-}
-
-void check(const Status& status) {
-  if (!status.ok()) throw std::runtime_error(status.message);
-}
+using bench::check;
+using bench::grid_system;
+using bench::median;
+using bench::seconds_of;
 
 /// Rows and columns of the identity in the place of the removed ones; a lower triangle.
 std::vector<double> without(const SparseMatrix& a, const ChangedSystem& changed) {
@@ -77,9 +63,7 @@ double error_of(const SparseMatrix& a, const std::vector<double>& values, const 
 }
 
 void measure(Index n, Index flips, const std::string& device, int threads, int repeats) {
-  matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
-  spec.numbering = matrix::Numbering::natural;
-  const SparseMatrix a = matrix::generate(spec);
+  const SparseMatrix a = grid_system("elasticity", n);
   Options options;
   options.threads = threads;
   options.device = device;

@@ -14,10 +14,8 @@
 #include <algorithm>
 #include <array>
 #include <atomic>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
-#include <functional>
 #include <random>
 #include <string>
 #include <thread>
@@ -27,6 +25,7 @@
 #include "batch_cudss.hpp"
 #include "batch_patterns.hpp"
 #include "espalier/batch.hpp"
+#include "in_turns.hpp"
 #include "matrix/generators/generate.hpp"
 #include "rivals/rival.hpp"
 #include "rivals/shared_library.hpp"
@@ -34,17 +33,8 @@
 namespace {
 
 using namespace espalier;
-
-double seconds_of(const std::function<void()>& body) {
-  const auto start = std::chrono::steady_clock::now();
-  body();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
+using bench::median;
+using bench::seconds_of;
 
 // [K B^T; B 0]: a grid's K, and a constraint for every fourth unknown; every diagonal entry is stored (PARDISO asks for
 // it).

@@ -11,7 +11,6 @@
 
 #include <algorithm>
 #include <cctype>
-#include <chrono>
 #include <cmath>
 #include <cstdlib>
 #include <map>
@@ -20,25 +19,17 @@
 #include <vector>
 
 #include "espalier/solver.hpp"
+#include "in_turns.hpp"
 #include "matrix/generators/changing_body.hpp"
-#include "matrix/generators/generate.hpp"
 #include "matrix/norms.hpp"
 
 namespace {
 
 using namespace espalier;
-
-template <class Body>
-double seconds_of(Body&& body) {
-  const auto start = std::chrono::steady_clock::now();
-  body();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
+using bench::check;
+using bench::grid_system;
+using bench::median;
+using bench::seconds_of;
 
 // A lower triangle with springs between pairs of unknowns.
 SparseMatrix with_springs(const SparseMatrix& a, const std::vector<std::pair<Index, Index>>& pairs) {
@@ -95,9 +86,7 @@ void measure(Index n, double percent, int repeats, bool on_face, Options options
   options.log = [&](const std::string& line) {
     if (line.find("was followed") != std::string::npos) parts = line;
   };
-  matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
-  spec.numbering = matrix::Numbering::natural;
-  const SparseMatrix a = matrix::generate(spec);
+  const SparseMatrix a = grid_system("elasticity", n);
   const SparseMatrix b = with_springs(a, contacts(n, a, percent, on_face, 7));
   std::vector<double> full, followed, back;
   ChangeResult change;
@@ -106,7 +95,7 @@ void measure(Index n, double percent, int repeats, bool on_face, Options options
   for (int k = 0; k <= repeats; ++k) {
     Solver solver(options), other(options);
     const double of_full = seconds_of([&] { fresh = other.analyze(b); });
-    if (!solver.analyze(a).status.ok()) throw std::runtime_error("the analysis failed");
+    check(solver.analyze(a).status);
     const double there = seconds_of([&] { change = solver.analyze_change(b); });
     if (k == 0) {
       (void)solver.factorize(b);
@@ -139,7 +128,7 @@ void follow(const std::string& word, Index n, double percent, int changes, const
   matrix::ChangingBody body(matrix::parse_body_change(word), n, percent / 100, 1);
   Solver solver(options);
   SparseMatrix a = body.matrix();
-  if (!solver.analyze(a).status.ok()) throw std::runtime_error("the analysis failed");
+  check(solver.analyze(a).status);
   std::vector<double> followed, fresh;
   double fill = 0, work = 0, error = 0;
   int anew = 0, reordered = 0;
@@ -151,7 +140,7 @@ void follow(const std::string& word, Index n, double percent, int changes, const
     a = body.matrix();
     ChangeResult change;
     followed.push_back(seconds_of([&] { change = solver.analyze_change(a); }));
-    if (!change.analysis.status.ok()) throw std::runtime_error(change.analysis.status.message);
+    check(change.analysis.status);
     anew += change.full ? 1 : 0;
     reordered += change.reordered ? 1 : 0;
     entries += change.added_entries + change.removed_entries;
@@ -162,7 +151,7 @@ void follow(const std::string& word, Index n, double percent, int changes, const
     fill = std::max(fill,
                     static_cast<double>(change.analysis.nonzeros_factor) / static_cast<double>(best.nonzeros_factor));
     work = std::max(work, change.analysis.flops / best.flops);
-    if (!solver.factorize(a).status.ok()) throw std::runtime_error("the factorization failed");
+    check(solver.factorize(a).status);
     error = std::max(error, solver.solve(rhs, x).backward_error);
   }
   fmt::print(

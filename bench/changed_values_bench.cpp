@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdlib>
 #include <cstring>
 #include <functional>
@@ -19,24 +18,16 @@
 #include <vector>
 
 #include "espalier/solver.hpp"
-#include "matrix/generators/generate.hpp"
+#include "in_turns.hpp"
 #include "solver/option_text.hpp"
 
 namespace {
 
 using namespace espalier;
-
-template <class Body>
-double seconds_of(Body&& body) {
-  const auto start = std::chrono::steady_clock::now();
-  body();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
+using bench::check;
+using bench::grid_system;
+using bench::median;
+using bench::seconds_of;
 
 /// Places of the entries both of whose nodes are among some, in the grid's order: x slowest, z fastest, n + 1 nodes a
 /// side.
@@ -54,10 +45,6 @@ std::vector<Offset> places_within(const SparseMatrix& a, Index n,
       if (is_among(a.row_ind[static_cast<std::size_t>(q)])) places.push_back(q);
   }
   return places;
-}
-
-void check(const Status& status) {
-  if (!status.ok()) throw std::runtime_error(status.message);
 }
 
 // The two solvers of a matrix, one of which makes what has changed alone.
@@ -139,9 +126,7 @@ int main(int argc, char** argv) {
       else
         solver::set_option(options, key, value);
     }
-    matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{system, std::to_string(n)});
-    spec.numbering = matrix::Numbering::natural;
-    const SparseMatrix a = matrix::generate(spec);
+    const SparseMatrix a = grid_system(system, n);
     const auto side = static_cast<Index>(n);
     const std::string name = fmt::format("{} {}^3, ", system, n);
     Pair pair(a, options);

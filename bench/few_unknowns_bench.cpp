@@ -18,20 +18,14 @@
 
 #include "espalier/solve_rows.hpp"
 #include "espalier/solver.hpp"
-#include "matrix/generators/generate.hpp"
+#include "in_turns.hpp"
 
 namespace {
 
 using namespace espalier;
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
-}
-
-void check(const Status& status) {
-  if (!status.ok()) throw std::runtime_error(status.message);
-}
+using bench::check;
+using bench::grid_system;
+using bench::median;
 
 struct Loads {
   std::vector<Offset> col_ptr{0};
@@ -140,9 +134,7 @@ int main(int argc, char** argv) {
     return 2;
   }
   try {
-    matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
-    spec.numbering = matrix::Numbering::natural;
-    const SparseMatrix a = matrix::generate(spec);
+    const SparseMatrix a = grid_system("elasticity", n);
     fmt::print("elasticity {}^3, {} unknowns, ", n, a.rows);
     Bench bench(a, options);
     for (const bool patch : {false, true})

@@ -18,12 +18,13 @@
 #include <vector>
 
 #include "espalier/inverse.hpp"
-#include "matrix/generators/generate.hpp"
+#include "in_turns.hpp"
 #include "solver/option_text.hpp"
 
 namespace {
 
 using namespace espalier;
+using bench::check;
 
 struct Seconds {
   double wall = 1e300, processor = 1e300;
@@ -35,10 +36,6 @@ struct Seconds {
     wall = std::min(wall, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
   }
 };
-
-void check(const Status& status) {
-  if (!status.ok()) throw std::runtime_error(status.message);
-}
 
 void print(const char* what, const Seconds& s, const Seconds& factorization, const InverseResult* r) {
   fmt::print("{:14s} {:8.4f} s {:6.2f}; processor {:8.4f} s {:6.2f}", what, s.wall, s.wall / factorization.wall,

@@ -9,9 +9,7 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cmath>
-#include <functional>
 #include <numeric>
 #include <random>
 #include <string>
@@ -22,6 +20,7 @@
 #endif
 
 #include "espalier/schur.hpp"
+#include "in_turns.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 #include "matrix/transform.hpp"
@@ -31,6 +30,8 @@
 namespace {
 
 using namespace espalier;
+using bench::median;
+using bench::seconds_of;
 
 struct Job {
   std::vector<std::string> words{"elasticity", "20"};
@@ -62,17 +63,6 @@ Job read_arguments(int argc, char** argv) {
   }
   if (!words.empty()) job.words = words;
   return job;
-}
-
-double seconds_of(const std::function<void()>& body) {
-  const auto start = std::chrono::steady_clock::now();
-  body();
-  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-}
-
-double median(std::vector<double> v) {
-  std::sort(v.begin(), v.end());
-  return v[v.size() / 2];
 }
 
 double difference(std::span<const double> s, const std::vector<double>& other, bool lower_alone) {
