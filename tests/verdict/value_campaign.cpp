@@ -1,7 +1,8 @@
 // Thousands of random changes of values on random trees: after each, a solver that makes what has changed alone
 // (Options::partial_refactorization) must have the bits and the verdicts of one that makes everything. Prints what
 // differs and a table; exit code 1 where anything did.
-//   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N]]]]      default: 10000, seed 1, cpu, n up to 400
+//   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS]]]]]
+// default: 10000, seed 1, cpu, n up to 400, and of a hundred changes 0 change the pattern (Solver::analyze_change()).
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -11,6 +12,7 @@
 #include <limits>
 #include <map>
 #include <random>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
@@ -26,6 +28,7 @@ using namespace espalier;  // NOLINT(google-build-using-namespace): a program of
 
 struct Tally {
   int changes = 0, some = 0, none = 0, all = 0, refused = 0, wrong = 0;
+  int patterns = 0, followed = 0;  // of the changes; of these, factorizations that have kept fronts
 };
 
 struct Case {
@@ -36,8 +39,8 @@ struct Case {
 
 class Campaign {
  public:
-  Campaign(unsigned seed, std::string device, Index largest)
-      : seed_(seed), device_(std::move(device)), largest_(largest) {}
+  Campaign(unsigned seed, std::string device, Index largest, int patterns)
+      : seed_(seed), device_(std::move(device)), largest_(largest), patterns_(static_cast<std::size_t>(patterns)) {}
 
   int run(int changes) {
     for (unsigned k = 0; all_.changes < changes; ++k) {
@@ -47,7 +50,7 @@ class Campaign {
     }
     for (const auto& [kind, t] : by_kind_) print(kind, t);
     print("all", all_);
-    return all_.wrong > 0 || all_.some == 0 ? 1 : 0;
+    return all_.wrong > 0 || all_.some == 0 || (patterns_ > 0 && all_.followed == 0) ? 1 : 0;
   }
 
  private:
@@ -115,7 +118,7 @@ class Campaign {
       return fmt::format("negative eigenvalues {} / {}", p.inertia.negative, w.inertia.negative);
     if (p.two_by_two != w.two_by_two) return fmt::format("2 x 2 pivots {} / {}", p.two_by_two, w.two_by_two);
     if (p.perturbed != w.perturbed || p.delayed != w.delayed) return "replaced or moved pivots";
-    if (!same(&p.determinant_log, &w.determinant_log, sizeof(double))) return "determinant";
+    if (!same(&p.determinant_log, &w.determinant_log, sizeof(double))) return fmt::format("determinant {} / {}", p.determinant_log, w.determinant_log);
     if (!p.status.ok()) return {};
     for (const Transpose t : {Transpose::no, Transpose::yes}) {
       std::vector<double> x(b.size()), y(b.size());
@@ -135,7 +138,9 @@ class Campaign {
     Solver partial(options);
     if (!whole.analyze(c.a).status.ok() || !partial.analyze(c.a).status.ok()) return;
     const std::vector<double> b = reference::random_vector(c.a.rows, 7);
-    std::vector<double> now = c.a.values;
+    SparseMatrix a = c.a;
+    std::vector<double> now = a.values;
+    bool other_pattern = false;
     Tally& tally = by_kind_[c.options.kind == Kind::llt ? "llt" : c.options.kind == Kind::lu ? "lu" : "ldlt"];
     for (int k = 0; k <= changes; ++k) {
       const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
@@ -145,23 +150,44 @@ class Campaign {
         if (k == 0) continue;
         ++t->changes;
         ++(!p.status.ok() ? t->refused : p.work_share == 0 ? t->none : p.work_share < 1 ? t->some : t->all);
+        if (other_pattern) ++t->patterns;
+        if (other_pattern && p.work_share < 1) ++t->followed;
       }
       if (!wrong.empty()) {
-        fmt::print("{}, change {}, share {:.3f}: {}\n", c.name, k, p.work_share, wrong);
+        fmt::print("{}, change {}{}, share {:.3f}: {}\n", c.name, k, other_pattern ? " of the pattern" : "",
+                   p.work_share, wrong);
         return;
       }
-      verdict::change_values(now, c.a.values, random_);
+      other_pattern = below(100) < patterns_;
+      if (!other_pattern) {
+        verdict::change_values(now, a.values, random_);
+        continue;
+      }
+      for (std::size_t times = 1 + below(8) / 7; times > 0; --times) {  // now and then nobody factorizes in between
+        verdict::change_pattern(a, now, c.a, random_);
+        if (!follow_pattern(partial, whole, a)) return;
+      }
     }
   }
 
+  // Whether there is an analysis.
+  static bool follow_pattern(Solver& partial, Solver& whole, const SparseMatrix& a) {
+    const ChangeResult p = partial.analyze_change(a), w = whole.analyze_change(a);
+    if (p.analysis.status.code != w.analysis.status.code || p.full != w.full || p.reordered != w.reordered)
+      throw std::runtime_error("analyze_change() depends on partial_refactorization");
+    return p.analysis.status.ok();
+  }
+
   static void print(const std::string& kind, const Tally& t) {
-    fmt::print("{:5} {:7} changes: {} made some fronts, {} none, {} all, {} without a factor; {} wrong\n", kind,
+    fmt::print("{:5} {:7} changes: {} made some fronts, {} none, {} all, {} without a factor; {} wrong", kind,
                t.changes, t.some, t.none, t.all, t.refused, t.wrong);
+    fmt::print("; {} of the pattern, {} of which kept some\n", t.patterns, t.followed);
   }
 
   unsigned seed_;
   std::string device_;
   Index largest_;
+  std::size_t patterns_;  // of a hundred changes
   std::mt19937 random_;
   Tally all_;
   std::map<std::string, Tally> by_kind_;
@@ -171,10 +197,12 @@ class Campaign {
 
 int main(int argc, char** argv) {
   const auto number = [&](int k, int otherwise) { return argc > k ? std::atoi(argv[k]) : otherwise; };
-  const int changes = number(1, 10000), seed = number(2, 1), largest = number(4, 400);
-  if (changes < 1 || largest < 20) {
-    fmt::print(stderr, "espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N]]]], LARGEST_N from 20\n");
+  const int changes = number(1, 10000), seed = number(2, 1), largest = number(4, 400), patterns = number(5, 0);
+  if (changes < 1 || largest < 20 || patterns < 0 || patterns > 100) {
+    fmt::print(stderr,
+               "espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS]]]]], LARGEST_N from 20, PATTERNS "
+               "of 100 changes\n");
     return 2;
   }
-  return Campaign(static_cast<unsigned>(seed), argc > 3 ? argv[3] : "cpu", largest).run(changes);
+  return Campaign(static_cast<unsigned>(seed), argc > 3 ? argv[3] : "cpu", largest, patterns).run(changes);
 }
