@@ -2,8 +2,10 @@
 //   espalier_bench_change [N [PERCENT [THREADS [REPEATS [DEVICE]]]]]     default: elasticity 24^3, 1 percent, all
 //   cores, 3
 // Two sorts of change: contacts (springs between unknowns of neighbouring nodes two apart) that lie on one face, or all
-// over the body. Seconds are medians of whole calls, which take turns; the factor's entries are over those of the fresh
-// analysis. A solve with the factor of the followed analysis is checked.
+// over the body; 0 percent: one pair of nodes. Seconds are medians of whole calls, which take turns; the factor's
+// entries are over those of the fresh analysis. A solve with the factor of the followed analysis is checked. Then
+// analyze_change() and factorize() together, there and back: with Options::partial_refactorization, which keeps the
+// numbers that the change does not reach, and without. Both solutions must be the same to the last bit.
 //   espalier_bench_change SORT [N [PERCENT [CHANGES [THREADS [DEVICE]]]]]
 // A hundred changes, one after another, of a body of N^3 bricks (contacts, elements, crack, remesh: ChangingBody), each
 // followed, factorized and solved. Every tenth is compared with a fresh analysis.
@@ -13,6 +15,7 @@
 #include <cctype>
 #include <cmath>
 #include <cstdlib>
+#include <cstring>
 #include <map>
 #include <random>
 #include <string>
@@ -71,7 +74,7 @@ std::vector<std::pair<Index, Index>> contacts(Index n, const SparseMatrix& a, do
                                               std::uint64_t seed) {
   const Index row = 3 * (n + 1), layer = row * (n + 1);
   std::mt19937_64 random(seed);
-  const auto nodes = static_cast<Index>(percent / 100 * a.cols / 3 + 0.5);
+  const auto nodes = std::max<Index>(1, static_cast<Index>(percent / 100 * a.cols / 3 + 0.5));
   std::vector<std::pair<Index, Index>> pairs;
   const Index first = on_face ? a.cols - layer : 0, length = a.cols - 2 * row - 3 - first;
   for (Index k = 0; k < nodes; ++k) {
@@ -121,6 +124,57 @@ void measure(Index n, double percent, int repeats, bool on_face, Options options
       change.analysis.flops / fresh.flops, solved.backward_error, change.full ? "; ANEW: " + change.why : "",
       change.analysis.ordering_seconds, change.analysis.plan_seconds);
   fmt::print("  back: {}\n", parts);
+}
+
+// A pattern that comes and goes, with its numbers.
+void measure_numbers(Index n, double percent, int repeats, bool on_face, Options options) {
+  const SparseMatrix a = grid_system("elasticity", n);
+  const SparseMatrix b = with_springs(a, contacts(n, a, percent, on_face, 7));
+  options.refinement_steps = 0;
+  Solver whole(options);
+  options.partial_refactorization = true;
+  Solver kept(options);
+  for (Solver* s : {&whole, &kept}) {
+    check(s->analyze(a).status);
+    check(s->factorize(a).status);
+  }
+  std::vector<double> of_whole[2], of_kept[2], of_analysis[2];
+  double share[2] = {1, 1};
+  std::string why;
+  const std::vector<double> rhs(static_cast<std::size_t>(a.cols), 1.0);
+  std::vector<double> x(rhs.size()), y(rhs.size());
+  for (int k = 0; k <= repeats; ++k)
+    for (const int back : {0, 1}) {
+      const SparseMatrix& now = back != 0 ? a : b;
+      const auto one = [&](Solver& s, std::vector<double>& seconds) {
+        FactorResult f;
+        double analysis = 0;
+        const double both = seconds_of([&] {
+          analysis = seconds_of([&] { check(s.analyze_change(now).analysis.status); });
+          f = s.factorize(now);
+        });
+        check(f.status);
+        if (&s == &kept) {
+          share[back] = f.work_share;
+          if (!f.whole_reason.empty()) why = "; ALL WAS MADE: " + f.whole_reason;
+        }
+        if (k == 0) return;  // unknowns have moved into separators since: others follow another tree
+        seconds.push_back(both);
+        if (&s == &kept) of_analysis[back].push_back(analysis);
+      };
+      one(whole, of_whole[back]);
+      one(kept, of_kept[back]);
+      check(whole.solve(rhs, x).status);
+      check(kept.solve(rhs, y).status);
+      if (std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) != 0)
+        throw std::runtime_error("the solutions differ");
+    }
+  for (const int back : {0, 1})
+    fmt::print(
+        "  {}: analyze_change and factorize {:.4f} s, with numbers kept {:.4f} s ({:.3f}; analysis {:.4f} s), work "
+        "{:.3f}{}\n",
+        back != 0 ? "goes" : "comes", median(of_whole[back]), median(of_kept[back]),
+        median(of_kept[back]) / median(of_whole[back]), median(of_analysis[back]), share[back], why);
 }
 
 // What a hundred changes come to.
@@ -178,7 +232,10 @@ int main(int argc, char** argv) {
       follow(argv[1], n, percent, static_cast<int>(number(2, 100)), options);
       return 0;
     }
-    for (const bool on_face : {true, false}) measure(n, percent, static_cast<int>(number(3, 3)), on_face, options);
+    for (const bool on_face : {true, false}) {
+      measure(n, percent, static_cast<int>(number(3, 3)), on_face, options);
+      measure_numbers(n, percent, static_cast<int>(number(3, 3)), on_face, options);
+    }
   } catch (const std::exception& e) {
     fmt::print(stderr, "espalier_bench_change: {}\n", e.what());
     return 1;

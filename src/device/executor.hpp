@@ -159,7 +159,9 @@ class Executor {
   [[nodiscard]] virtual const LeftContributions<WideOf<T>>* border_contribution() const { return nullptr; }
   /// An executor for a plan that change_plan() has made of this one's, with the memory of this one, which is to be
   /// destroyed then. Its next factorize() must get the same values: after a halted factorization it makes only what was
-  /// not made, or is not the same any more, with the same bits as if it had made all.
+  /// not made, or is not the same any more, with the same bits as if it had made all. Of a changed pattern
+  /// (FrontsBefore::of_pattern) the next call is factorize_changed(), where `before` are the values of the last
+  /// factorization in the places of now; or factorize(), which makes all.
   /// @returns null where the backend cannot do that
   /// @throws Error(out_of_memory); this executor stays as it is
   virtual std::unique_ptr<Executor> with_changed_plan(const plan::Plan& /*plan*/,

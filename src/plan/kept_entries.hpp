@@ -63,7 +63,7 @@ class SourceMap {
   std::vector<Index> first_run_;
 };
 
-/// What place_entries() need not look for.
+/// What place_entries() need not look for, and make_plan() need not place.
 struct KeptEntries {
   const Plan& before;
   std::span<const Index> same;  ///< by front; that of `before` with the same pivots, rows and entries; -1: none
@@ -72,6 +72,7 @@ struct KeptEntries {
   /// `removed`; -1: none. Empty: not known.
   std::span<const Index> with_pivots = {};
   std::span<const std::pair<Index, Index>> added = {}, removed = {};  ///< row, column
+  bool places = false;  ///< fronts that are the same keep their places in memory, where they can (plan/kept_places.hpp)
 };
 
 }  // namespace espalier::plan

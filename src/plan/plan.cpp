@@ -10,6 +10,8 @@
 #include "base/beside.hpp"
 #include "plan/entry_places.hpp"
 #include "plan/fitted_tree.hpp"
+#include "plan/kept_entries.hpp"
+#include "plan/kept_places.hpp"
 #include "plan/layout_steps.hpp"
 #include "plan/rank_parts.hpp"
 #include "plan/regions.hpp"
@@ -112,10 +114,11 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
     number_known(plan);
   }
   // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
-  const auto list_and_place = [&plan, part, threads = pool.size()] {
+  const auto list_and_place = [&plan, part, kept, threads = pool.size()] {
     if (!part) plan.ownership = assign_owners(plan);
     list_tasks(plan);
     if (part) return;  // memory is planned when rows are related
+    if (kept != nullptr && kept->places && place_as_before(plan, kept->before, kept->same)) return;
     if (plan.options.arrays == nullptr) return plan_memory(plan);
     const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));
     plan_memory(plan, &sizes, threads);

@@ -7,6 +7,7 @@
 
 #include "matrix/row_index.hpp"
 #include "plan/changed_plan.hpp"
+#include "plan/kept_entries.hpp"
 #include "solver/border.hpp"
 #include "solver/context.hpp"
 #include "solver/device_choice.hpp"
@@ -108,18 +109,26 @@ struct Changes {
 /// but for a few unknowns (analysis/tree_change.hpp), scaling, matching, kind and devices. See
 /// Solver::analyze_change().
 struct FollowedAnalysis {
+  /// Of the numbers of a factor, which fronts stay, and where the entries of before stand now.
+  struct Numbers {
+    plan::FrontsBefore fronts;
+    plan::SourceMap entries;
+    std::string why_none;  ///< no front stays, for this reason; empty: some do
+  };
   Analyzed made;  ///< no analysis: `why` says why all must be ordered anew
   std::string why;
   Offset added = 0, removed = 0;  ///< entries
   Index moved = 0, kept = 0;      ///< unknowns; fronts
   bool reordered = false;         ///< by the order that was made beside the work
+  Numbers numbers = {};           ///< where they were asked for
 };
 class FreshOrder;
 /// @param fresh  an order that is being made; null: none. It is taken when it is due and the factor becomes smaller by
 /// it
+/// @param numbers  whether a factor's are there, of which the next one is to keep what it can
 /// @throws Error(singular) naming rows of which no entry is left, where singular matrices are errors
 FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& a, const Context& context,
-                                FreshOrder* fresh = nullptr);
+                                FreshOrder* fresh = nullptr, bool numbers = false);
 
 /// The same system with this tree.
 SharedAnalysis lay_out_again(const Analysis& before, analysis::AssemblyTree tree, Changes changes,

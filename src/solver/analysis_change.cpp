@@ -10,6 +10,7 @@
 #include "matrix/norms.hpp"
 #include "plan/front_cost.hpp"
 #include "plan/kept_entries.hpp"
+#include "plan/kept_places.hpp"
 #include "solver/analysis_draft.hpp"
 #include "solver/fresh_order.hpp"
 #include "solver/pattern_difference.hpp"
@@ -197,6 +198,27 @@ NextTree next_tree(const Analysis& before, const System& system, const PatternDi
   return next;
 }
 
+// What fronts that stay leave to a factor of `made`. Room is left between them, which a budget may not have.
+FollowedAnalysis::Numbers numbers_that_stay(Analysis& made, const Analysis& before, const std::vector<Index>& same,
+                                            const Context& context) {
+  FollowedAnalysis::Numbers n{plan::fronts_that_stay(made.plan, before.plan, same), {}, {}};
+  const auto some_stay = [&] {
+    return std::any_of(n.fronts.same.begin(), n.fronts.same.end(), [](Index f) { return f >= 0; });
+  };
+  if (made.device.backend->limits().own_memory)
+    n.why_none = "on a GPU all is made once where the pattern has changed";
+  else if (!made.plan.options.keep_contributions || made.device.devices() > 1)
+    n.why_none = "only one device keeps the numbers of a pattern before";
+  else if (!some_stay())
+    n.why_none = "the changed factor has no room beside that of the pattern before";
+  if (!n.why_none.empty()) return n;
+  const Offset limit = context.budget.limit();
+  if (limit <= 0 || predicted_host_bytes(made, context) <= limit) return n;
+  plan::plan_memory(made.plan);
+  n.why_none = "the budget has no room for what is new beside the numbers of the pattern before";
+  return n;
+}
+
 // Whether a matrix that "auto" has found symmetric is so still.
 bool stays_symmetric(const MatrixView& a) {
   if (a.symmetric()) return true;
@@ -206,7 +228,7 @@ bool stays_symmetric(const MatrixView& a) {
 }  // namespace
 
 FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given, const Context& context,
-                                FreshOrder* fresh) {
+                                FreshOrder* fresh, bool numbers) {
   const double start = base::now_seconds();
   Laps laps;
   check_matrix(given, context.pool);
@@ -227,7 +249,7 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   system->kind_may_change = before.system->kind_may_change;
   PreparedMatrix& p = system->prepared = prepare_matrix(a, before.kind(), context.pool);
   laps.add("copy");
-  const PatternDifference difference = compare_patterns(was.a, p.a, context.pool);
+  PatternDifference difference = compare_patterns(was.a, p.a, context.pool);
   laps.add("comparison");
   followed.added = static_cast<Offset>(difference.added.size());
   followed.removed = static_cast<Offset>(difference.removed.size());
@@ -245,8 +267,8 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   laps.add("tree");
   const double ordered = base::now_seconds();
   Values values = std::exchange(p.a.values, {});
-  const plan::KeptEntries kept{before.plan,      tree.same,        difference.now,
-                               tree.with_pivots, difference.added, difference.removed};
+  const plan::KeptEntries kept{before.plan,      tree.same,          difference.now, tree.with_pivots,
+                               difference.added, difference.removed, numbers};
   // A rank's next part has other fronts.
   const bool keeps = before.plan.row_begin.empty() && !next.reordered;
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, before.device, context);
@@ -269,6 +291,11 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   }
   followed.why = reason_against(*made);
   if (!followed.why.empty()) return followed;
+  if (next.reordered)
+    followed.numbers.why_none = "an order from beside the work has taken the place of the one before";
+  else if (numbers)
+    followed.numbers = numbers_that_stay(*made, before, tree.same, as_before);
+  followed.numbers.entries = std::move(difference.now);
   made->result.ordering_seconds = ordered - start;
   made->result.plan_seconds = base::now_seconds() - ordered;
   describe(*made, as_before);

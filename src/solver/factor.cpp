@@ -57,6 +57,33 @@ void Factor::drop() {
   factorized_ = false;
 }
 
+bool Factor::has_numbers() const {
+  return context_.options.partial_refactorization && numeric_ != nullptr && !context_.rescaled;
+}
+
+Factor::Left Factor::leave_numbers() {
+  Left left{analysis_, nullptr, {}};
+  if (numeric_ && context_.rescaled) left.why_none = "the scaling of the last values was one of their own";
+  if (has_numbers()) left.numeric = std::move(numeric_);
+  drop();
+  return left;
+}
+
+// What is not there can be made: no error of it is one of the caller's.
+void Factor::take_numbers(Left left, const FollowedAnalysis::Numbers& stay) {
+  if (!left.numeric) return note_anew(std::move(left.why_none));
+  if (!stay.why_none.empty()) return note_anew(stay.why_none);
+  try {
+    numeric_ = left.numeric->follow_pattern(*analysis_, values_.values(), stay, context_);
+    left = {};
+    if (numeric_) charge_analysis();
+    if (!numeric_) note_anew("there is no factor of the pattern before that could be kept");
+  } catch (const std::exception& error) {
+    numeric_.reset();
+    note_anew(fmt::format("the numbers of the pattern before could not be kept: {}", error.what()));
+  }
+}
+
 const solve::ResidualOperator& Factor::residual() {
   values_.fetch(numeric_->device_system());
   return values_.residual();
@@ -217,6 +244,8 @@ void Factor::finish(device::FactorOutcome outcome, double start) {
   if (hopeless) result_.status = no_place(outcome.replaced.size(), context_.options.matching);
   result_.work_share = changes_ == changes_before_ ? outcome.share : 1;
   if (context_.options.partial_refactorization) result_.whole_reason = whole_reason(*analysis_, *numeric_);
+  if (std::string why = std::exchange(made_anew_, {}); result_.whole_reason.empty())
+    result_.whole_reason = std::move(why);
   result_.precision = context_.precision();
   if (analysis_->system->numbers() != base::Numbers::real) {
     phase_ = analysis_->system->real_form ? phase_of_real_form(*analysis_, result_)
@@ -284,7 +313,12 @@ void Factor::change_plan(analysis::AssemblyTree tree, Changes changes) {
 void Factor::again(device::FactorOutcome& outcome) {
   deficiency_.reset();
   if (std::exchange(follows_, false)) {
-    outcome = numeric_->factorize_rest();
+    try {
+      outcome = numeric_->factorize_rest();
+    } catch (...) {
+      numeric_.reset();  // what it has taken over holds for these values alone
+      throw;
+    }
     return;
   }
   make_numeric();

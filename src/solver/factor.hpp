@@ -118,6 +118,20 @@ class Factor {
   void expect_fit(std::span<const double> values) const;
   /// Gives back all memory of the factor; the values stay.
   void drop();
+  /// What a factor leaves to that of a changed pattern.
+  struct Left {
+    SharedAnalysis analysis;           ///< of `numeric`
+    std::unique_ptr<Numeric> numeric;  ///< null: nothing
+    std::string why_none;              ///< then: the reason, where there was a factor
+  };
+  /// Whether there is something to leave.
+  [[nodiscard]] bool has_numbers() const;
+  /// Likewise; this factor has none then.
+  [[nodiscard]] Left leave_numbers();
+  /// @pre this factor is new. Where nothing can be kept, its first factorization makes everything, and says why
+  void take_numbers(Left left, const FollowedAnalysis::Numbers& stay);
+  /// Why the next factorization makes everything, though there was one before.
+  void note_anew(std::string why) { made_anew_ = std::move(why); }
   /// Leaves the memory of the factor to itself: in the child of a fork(), a device of the parent cannot be asked.
   void abandon() noexcept { (void)numeric_.release(); }
 
@@ -259,6 +273,7 @@ class Factor {
   bool follows_ = false;                      // numeric_ goes on with what the last factorization has left
   std::vector<RankCorrection> corrections_;   // of solutions: vanishing pivots of lu stand for more than zeros
   bool gave_up_ = false;                      // no place was found for failing pivots
+  std::string made_anew_;                     // why the next factorization makes everything; empty: see whole_reason()
   FactorResult result_;
   struct Unrefined {
     std::uint64_t stamp = 0;

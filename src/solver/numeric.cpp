@@ -31,8 +31,11 @@ class NumericOf final : public Numeric {
   static constexpr bool kComplex = base::ScalarTraits<T>::is_complex;
 
  public:
+  // followed: an executor for the analysis, which has been another one's; null: there is none. values_before: of its
+  // last factorization, in the places of now.
   NumericOf(const Analysis& analysis, std::span<const double> values, std::span<const double> border_values,
-            const Context& context)
+            const Context& context, std::unique_ptr<device::Executor<T>> followed = nullptr,
+            base::Buffer<T> values_before = {})
       : plan_(&analysis.plan),
         flops_(analysis.flops()),
         predicted_seconds_(analysis.result.predicted_seconds),
@@ -51,7 +54,7 @@ class NumericOf final : public Numeric {
         vectors_(prepared_, real_form_, pool_),
         rows_(prepared_, real_form_, budget_),
         rule_{context.options.pivot_threshold, 0},
-        executor_(make_executor<T>(analysis, rule_, context)) {
+        executor_(followed ? std::move(followed) : make_executor<T>(analysis, rule_, context)) {
     keeps_fronts_ = plan_->options.keep_contributions && executor_->out_of_core().budget_bytes == 0;
     // A Cholesky pivot is judged by its diagonal entry.
     const MatrixView factored = analysis.system->factored_pattern();
@@ -64,7 +67,9 @@ class NumericOf final : public Numeric {
       return;
     }
     const auto of_border = static_cast<Offset>(border_ ? border_->entries.size() : 0);
-    values_ = base::Buffer<T>(plan::values_of(*plan_, factored.nonzeros()) + of_border, &budget_);
+    factorized_ = values_before.size() > 0;
+    values_ = factorized_ ? std::move(values_before)
+                          : base::Buffer<T>(plan::values_of(*plan_, factored.nonzeros()) + of_border, &budget_);
     if constexpr (kRealForm) numbers_ = base::Buffer<std::complex<T>>(prepared_.a.nonzeros(), &budget_);
     if (context.options.partial_refactorization) before_ = base::Buffer<T>(values_.size(), &budget_);
     smallest_.resize(diagonal_.size());
@@ -126,6 +131,24 @@ class NumericOf final : public Numeric {
     // Values of a Hermitian matrix turn with the order.
     if (!position_.empty()) position_ = positions_for(prepared_, plan_->tree.order);
     return true;
+  }
+  std::unique_ptr<Numeric> follow_pattern(const Analysis& analysis, std::span<const double> values,
+                                          const FollowedAnalysis::Numbers& stay, const Context& context) override {
+    const bool can = device_ == nullptr && real_form_ == nullptr && factorized_ && before_.size() > 0 && !border_ &&
+                     !analysis.system->real_form && context.single() == !base::keeps_fp64<T>;
+    if (!can) return nullptr;
+    const Offset entries = MatrixView(analysis.system->prepared.a).nonzeros();
+    before_ = {};
+    base::Buffer<T> mapped(entries, &budget_);
+    std::fill(mapped.begin(), mapped.end(), T(0));  // what has come is in no front that stays
+    plan::SourceMap::Cursor now(stay.entries);
+    for (Offset k = 0; k < values_.size(); ++k)
+      if (const Offset place = now(k); place >= 0) mapped[place] = values_[k];
+    auto executor = executor_->with_changed_plan(analysis.plan, stay.fronts);
+    if (executor == nullptr) return nullptr;
+    values_ = {};
+    return std::make_unique<NumericOf>(analysis, values, std::span<const double>(), context, std::move(executor),
+                                       std::move(mapped));
   }
   device::FactorOutcome factorize_rest() override {
     const base::Stage stage("factorization", flops_, "flops");

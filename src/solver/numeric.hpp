@@ -52,6 +52,14 @@ class Numeric {
   /// that cannot be; nothing has changed then
   /// @throws Error(out_of_memory); likewise
   virtual bool change_analysis(const ChangedAnalysis& changed) = 0;
+  /// For an analysis that has followed a changed pattern: with the memory of this one, which is of no use then, and the
+  /// numbers of the fronts that stay. The first factorization of the other makes what these and its values leave.
+  /// @param values  of the factorizations to come
+  /// @returns null where that cannot be; this one stays as it is. Where it throws, this one may be of no use
+  [[nodiscard]] virtual std::unique_ptr<Numeric> follow_pattern(const Analysis& analysis,
+                                                                std::span<const double> values,
+                                                                const FollowedAnalysis::Numbers& stay,
+                                                                const Context& context) = 0;
   /// Of the values of the last factorization, after change_analysis(): see Executor::with_changed_plan().
   virtual device::FactorOutcome factorize_rest() = 0;
   /// Where pivots have to go after a halted factorization, by the values and with the contributions that it has left

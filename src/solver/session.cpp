@@ -129,7 +129,7 @@ void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border
 // What fails leaves the analysis and its factor as they are.
 ChangeResult Session::analyze_change(const MatrixView& a) {
   ChangeResult result;
-  FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get());
+  FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get(), factor->has_numbers());
   if (fresh_ != nullptr && fresh_->done()) fresh_.reset();
   result.added_entries = followed.added;
   result.removed_entries = followed.removed;
@@ -144,14 +144,17 @@ ChangeResult Session::analyze_change(const MatrixView& a) {
       "the analysis follows the pattern: {} entries came, {} went, {} unknowns moved into separators, "
       "{} of {} fronts are the same",
       followed.added, followed.removed, followed.moved, followed.kept, followed.made.analysis->plan.fronts()));
+  Factor::Left left = factor->leave_numbers();
   factor.reset();
   take(std::move(followed.made));
+  factor->take_numbers(std::move(left), followed.numbers);
   watch_drift();
   return result;
 }
 
 ChangeResult Session::analyze_anew(const MatrixView& a, ChangeResult result) {
   context.log("the pattern is analyzed anew: " + result.why);
+  const bool had_numbers = factor->has_numbers();
   if (link() != nullptr) {
     analyze(a);
     result.entries_of_order = current().fill_of_ordering;
@@ -164,6 +167,7 @@ ChangeResult Session::analyze_anew(const MatrixView& a, ChangeResult result) {
   fresh_.reset();
   factor.reset();  // devices are chosen by the memory that is free
   take(finish(std::move(ordered), context));
+  if (had_numbers) factor->note_anew("the pattern was analyzed anew: " + result.why);
   result.entries_of_order = current().fill_of_ordering;
   return result;
 }

@@ -74,9 +74,11 @@ FactorResult factor_by(Session& s, Body&& body) {
   return copy_of(result);
 }
 
-// New values for all entries. With Options::partial_refactorization a factor outlives values that are refused.
+// New values for all entries. With Options::partial_refactorization a factor outlives values that are refused, and so
+// do numbers that are kept of it in a changed pattern.
 inline FactorResult refactorize_by(Session& s, std::span<const double> values) {
-  if (s.options.partial_refactorization && s.state() == Solver::State::factorized) {
+  const bool factorized = s.state() == Solver::State::factorized;
+  if (s.options.partial_refactorization && (factorized || s.factor->has_numbers())) {
     Status status = guarded(s, [&] { s.factor->expect_fit(values); });
     if (!status.ok()) {
       FactorResult refused;

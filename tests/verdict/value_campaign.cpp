@@ -1,8 +1,10 @@
 // Thousands of random changes of values on random trees: after each, a solver that makes what has changed alone
 // (Options::partial_refactorization) must have the bits and the verdicts of one that makes everything. Prints what
 // differs and a table; exit code 1 where anything did.
-//   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS]]]]]
+//   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS [FOLDER]]]]]]
 // default: 10000, seed 1, cpu, n up to 400, and of a hundred changes 0 change the pattern (Solver::analyze_change()).
+// With a folder all has a random budget: of a device of the host, or of the host with the factor on disk. The other
+// solver is then a new one with the same options, up to the first pivot that moves.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -39,14 +41,21 @@ struct Case {
 
 class Campaign {
  public:
-  Campaign(unsigned seed, std::string device, Index largest, int patterns)
-      : seed_(seed), device_(std::move(device)), largest_(largest), patterns_(static_cast<std::size_t>(patterns)) {}
+  Campaign(unsigned seed, std::string device, Index largest, int patterns, std::string folder)
+      : seed_(seed),
+        device_(std::move(device)),
+        largest_(largest),
+        patterns_(static_cast<std::size_t>(patterns)),
+        folder_(std::move(folder)) {}
 
   int run(int changes) {
     for (unsigned k = 0; all_.changes < changes; ++k) {
       random_.seed(seed_ + k);
       const Case c = draw(k);
-      follow(c, std::min(30, changes - all_.changes));
+      if (folder_.empty())
+        follow(c, std::min(30, changes - all_.changes));
+      else
+        follow_in_budget(c, std::min(12, changes - all_.changes));
     }
     for (const auto& [kind, t] : by_kind_) print(kind, t);
     print("all", all_);
@@ -118,7 +127,8 @@ class Campaign {
       return fmt::format("negative eigenvalues {} / {}", p.inertia.negative, w.inertia.negative);
     if (p.two_by_two != w.two_by_two) return fmt::format("2 x 2 pivots {} / {}", p.two_by_two, w.two_by_two);
     if (p.perturbed != w.perturbed || p.delayed != w.delayed) return "replaced or moved pivots";
-    if (!same(&p.determinant_log, &w.determinant_log, sizeof(double))) return fmt::format("determinant {} / {}", p.determinant_log, w.determinant_log);
+    if (!same(&p.determinant_log, &w.determinant_log, sizeof(double)))
+      return fmt::format("determinant {} / {}", p.determinant_log, w.determinant_log);
     if (!p.status.ok()) return {};
     for (const Transpose t : {Transpose::no, Transpose::yes}) {
       std::vector<double> x(b.size()), y(b.size());
@@ -141,23 +151,10 @@ class Campaign {
     SparseMatrix a = c.a;
     std::vector<double> now = a.values;
     bool other_pattern = false;
-    Tally& tally = by_kind_[c.options.kind == Kind::llt ? "llt" : c.options.kind == Kind::lu ? "lu" : "ldlt"];
+    Tally& tally = tally_of(c);
     for (int k = 0; k <= changes; ++k) {
       const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
-      const std::string wrong = compare(partial, whole, p, w, b);
-      for (Tally* t : {&tally, &all_}) {
-        if (!wrong.empty()) ++t->wrong;
-        if (k == 0) continue;
-        ++t->changes;
-        ++(!p.status.ok() ? t->refused : p.work_share == 0 ? t->none : p.work_share < 1 ? t->some : t->all);
-        if (other_pattern) ++t->patterns;
-        if (other_pattern && p.work_share < 1) ++t->followed;
-      }
-      if (!wrong.empty()) {
-        fmt::print("{}, change {}{}, share {:.3f}: {}\n", c.name, k, other_pattern ? " of the pattern" : "",
-                   p.work_share, wrong);
-        return;
-      }
+      if (!count(c, tally, k, compare(partial, whole, p, w, b), p, other_pattern)) return;
       other_pattern = below(100) < patterns_;
       if (!other_pattern) {
         verdict::change_values(now, a.values, random_);
@@ -168,6 +165,66 @@ class Campaign {
         if (!follow_pattern(partial, whole, a)) return;
       }
     }
+  }
+
+  Tally& tally_of(const Case& c) {
+    return by_kind_[c.options.kind == Kind::llt ? "llt" : c.options.kind == Kind::lu ? "lu" : "ldlt"];
+  }
+
+  // Options under which a part of the factor has no room, and which suffice for these values. @returns false: none of
+  // some do
+  bool take_budget(const Case& c, Options& options) {
+    const bool disk = below(2) == 0;
+    options.partial_refactorization = true;
+    options.device = disk ? "cpu" : "host:1";
+    const Offset all = Solver(options).analyze(c.a).predicted_bytes;
+    if (disk) options.scratch = folder_;
+    double part = 0.05 * static_cast<double>(1 + below(12));
+    for (int k = 0; k < 12; ++k, part *= 1.3) {
+      const auto bytes = static_cast<Offset>(part * static_cast<double>(all));
+      (disk ? options.host_memory_bytes : options.device_memory_bytes) = bytes;
+      Solver probe(options);
+      if (!probe.analyze(c.a).status.ok()) return false;
+      const FactorResult f = probe.factorize(c.a);
+      if (f.status.code != StatusCode::out_of_memory)
+        return !f.devices.empty() && f.devices.front().streamed_out_bytes > 0;
+    }
+    return false;
+  }
+
+  void follow_in_budget(const Case& c, int changes) {
+    Options options = c.options;
+    if (!take_budget(c, options)) return;
+    Solver partial(options);
+    (void)partial.analyze(c.a);
+    const std::vector<double> b = reference::random_vector(c.a.rows, 7);
+    std::vector<double> now = c.a.values;
+    Tally& tally = tally_of(c);
+    for (int k = 0; k <= changes; ++k) {
+      Solver whole(options);
+      (void)whole.analyze(c.a);
+      const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
+      if (w.delayed > 0 || p.delayed > 0) return;
+      if (!count(c, tally, k, compare(partial, whole, p, w, b), p)) return;
+      verdict::change_values(now, c.a.values, random_);
+    }
+  }
+
+  // @returns whether nothing was wrong
+  bool count(const Case& c, Tally& tally, int change, const std::string& wrong, const FactorResult& p,
+             bool other_pattern = false) {
+    for (Tally* t : {&tally, &all_}) {
+      if (!wrong.empty()) ++t->wrong;
+      if (change == 0) continue;
+      ++t->changes;
+      ++(!p.status.ok() ? t->refused : p.work_share == 0 ? t->none : p.work_share < 1 ? t->some : t->all);
+      if (other_pattern) ++t->patterns;
+      if (other_pattern && p.work_share < 1) ++t->followed;
+    }
+    if (!wrong.empty())
+      fmt::print("{}, change {}{}, share {:.3f}: {}\n", c.name, change, other_pattern ? " of the pattern" : "",
+                 p.work_share, wrong);
+    return wrong.empty();
   }
 
   // Whether there is an analysis.
@@ -188,6 +245,7 @@ class Campaign {
   std::string device_;
   Index largest_;
   std::size_t patterns_;  // of a hundred changes
+  std::string folder_;    // for factors on disk; empty: there are no budgets
   std::mt19937 random_;
   Tally all_;
   std::map<std::string, Tally> by_kind_;
@@ -200,9 +258,10 @@ int main(int argc, char** argv) {
   const int changes = number(1, 10000), seed = number(2, 1), largest = number(4, 400), patterns = number(5, 0);
   if (changes < 1 || largest < 20 || patterns < 0 || patterns > 100) {
     fmt::print(stderr,
-               "espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS]]]]], LARGEST_N from 20, PATTERNS "
-               "of 100 changes\n");
+               "espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS [FOLDER]]]]]], LARGEST_N from 20, "
+               "PATTERNS of 100 changes\n");
     return 2;
   }
-  return Campaign(static_cast<unsigned>(seed), argc > 3 ? argv[3] : "cpu", largest, patterns).run(changes);
+  return Campaign(static_cast<unsigned>(seed), argc > 3 ? argv[3] : "cpu", largest, patterns, argc > 6 ? argv[6] : "")
+      .run(changes);
 }

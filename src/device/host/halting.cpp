@@ -82,7 +82,7 @@ template <class T>
 NumericState<T>::NumericState(const plan::Plan& changed, const plan::FrontsBefore& before, std::vector<char> keep,
                               const NumericState& from, base::MemoryBudget* budget)
     : NumericState(changed, {from.kind, from.hermitian}, from.rule, budget, 0) {
-  begun = fronts_begun(from, changed, before);
+  if (!before.of_pattern) begun = fronts_begun(from, changed, before);
   kept = std::move(keep);
   halting = from.halting;
   for (Index f = 0; f < changed.fronts(); ++f) {

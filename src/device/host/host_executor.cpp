@@ -21,13 +21,6 @@ namespace espalier::device::host {
 
 namespace {
 
-// What is kept is so for one factorization, however it ends.
-template <class T>
-struct KeptOnce {
-  NumericState<T>& state;
-  ~KeptOnce() { state.kept.clear(); }
-};
-
 template <class T>
 class HostExecutor final : public Executor<T> {
  public:
@@ -63,12 +56,13 @@ class HostExecutor final : public Executor<T> {
         timeline_(from.timeline_),
         queues_(plan_),
         work_(from.fitting_workspaces(changed)),
-        state_(plan_, before, fronts_to_keep(from.state_, changed, before), from.state_, budget_),
+        state_(plan_, before, from.fronts_for(changed, before), from.state_, budget_),
         solve_(state_, pool_, budget_),
         tracks_(from.tracks_),
         next_rule_(from.next_rule_) {
     state_.take_arena(from.state_);
     if (work_.empty()) work_ = std::move(from.work_);
+    if (before.of_pattern) made_ = std::exchange(state_.kept, {});
   }
 
   void set_pivot_rule(const PivotRule& rule) override { next_rule_ = rule; }
@@ -89,13 +83,14 @@ class HostExecutor final : public Executor<T> {
     const auto& limits = options_.device_memory_bytes;
     const bool limited = std::any_of(limits.begin(), limits.end(), [](Offset bytes) { return bytes > 0; });
     if (devices_ > 1 || limited || budget_ == &own_budget_) return nullptr;
+    if (before.of_pattern && (!has_made_some() || plan.memory.size > state_.arena.size())) return nullptr;
     return std::make_unique<HostExecutor>(plan, before, *this);
   }
 
   FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
-    // A first factorization in a changed plan keeps what it can by itself.
-    if (complete_ && state_.kept.empty() && devices_ == 1) {
-      state_.kept = unchanged_fronts(state_, values, before, next_rule_, pool_);
+    state_.kept.clear();  // for the values of then, which have not been factorized
+    if (has_made_some() && devices_ == 1) {
+      state_.kept = unchanged_fronts(state_, values, before, next_rule_, pool_, made_);
       std::fill(state_.begun.begin(), state_.begun.end(), 1);
     }
     return factorize(values);
@@ -105,6 +100,7 @@ class HostExecutor final : public Executor<T> {
     const double start = base::now_seconds();
     const KeptOnce<T> once{state_};
     complete_ = false;
+    made_.clear();
     state_.rule = next_rule_;
     reset(values);
     base::Stage* const stage = base::Stage::current("factorization");
@@ -146,6 +142,7 @@ class HostExecutor final : public Executor<T> {
   FactorOutcome restore(std::span<const T> values, const ArrayVisit& visit) override {
     const KeptOnce<T> once{state_};
     complete_ = halted_ = false;
+    made_.clear();
     state_.rule = next_rule_;
     reset(values);
     host::visit_arrays(state_, visit);
@@ -227,6 +224,20 @@ class HostExecutor final : public Executor<T> {
     } catch (...) {
       throw Error(StatusCode::device_error, device_name(device) + " failed for an unknown reason");
     }
+  }
+
+  [[nodiscard]] bool has_made_some() const { return complete_ || !made_.empty(); }
+
+  // Fronts of a changed plan; 1: what this executor has made of them is that of the plan's, for the same values.
+  [[nodiscard]] std::vector<char> fronts_for(const plan::Plan& changed, const plan::FrontsBefore& before) const {
+    if (!before.of_pattern) return fronts_to_keep(state_, changed, before);
+    std::vector<char> made(before.same.size(), 0);
+    for (std::size_t f = 0; f < made.size(); ++f) {
+      if (before.same[f] < 0) continue;
+      const auto o = static_cast<std::size_t>(before.same[f]);
+      made[f] = static_cast<char>((made_.empty() || made_[o] != 0) && state_.fronts[o].not_positive < 0);
+    }
+    return made;
   }
 
   // Empty: those of this executor will do for the other plan.
@@ -317,8 +328,9 @@ class HostExecutor final : public Executor<T> {
   TriangularSolve<T> solve_;
   std::vector<int> tracks_;
   bool halted_ = false;
-  bool complete_ = false;  // the last factorization has made all fronts
-  PivotRule next_rule_;    // of the next factorization
+  bool complete_ = false;   // the last factorization has made all fronts
+  std::vector<char> made_;  // else, in a changed pattern: fronts; 1: it is there as the last values make it
+  PivotRule next_rule_;     // of the next factorization
   LeftInArena<T> left_{state_};
 };
 

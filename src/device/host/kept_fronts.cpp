@@ -107,8 +107,8 @@ bool all_fine(const NumericState<T>& s, Index f) {
 }  // namespace
 
 template <class T>
-std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> values, std::span<const T> before,
-                                   const PivotRule& rule, base::ThreadPool& pool) {
+std::vector<char> changed_fronts(const NumericState<T>& s, std::span<const T> values, std::span<const T> before,
+                                 const PivotRule& rule, base::ThreadPool& pool) {
   const auto fronts = at(s.plan.fronts());
   const PivotRule& was = s.rule;
   const bool llt = s.kind == Kind::llt;  // judges its pivots by their own entries of the matrix
@@ -118,7 +118,7 @@ std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> 
   // Tests against `tiny` must be none of the pivots that `suspect` lets pass.
   const bool near_rule = rule.threshold == was.threshold && rule.tiny < rule.suspect && was.tiny < was.suspect &&
                          (rule.in_place_of_zero > 0) == (was.in_place_of_zero > 0);
-  if (!same_rule && !near_rule) return std::vector<char>(fronts, 0);
+  if (!same_rule && !near_rule) return std::vector<char>(fronts, 1);
   std::vector<char> other(fronts, 0);
   constexpr std::int64_t kFronts = 64;
   pool.for_each_range(static_cast<std::int64_t>(fronts), kFronts, [&](std::int64_t begin, std::int64_t end) {
@@ -130,9 +130,16 @@ std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> 
       other[at(f)] = static_cast<char>(!alike || plan::entries_differ(s.plan, f, values, before));
     }
   });
+  return other;
+}
+
+template <class T>
+std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> values, std::span<const T> before,
+                                   const PivotRule& rule, base::ThreadPool& pool, std::span<const char> made) {
+  const std::vector<char> other = changed_fronts(s, values, before, rule, pool);
   Again<T> again(s, true);
-  for (std::size_t f = 0; f < fronts; ++f)
-    if (other[f] != 0) again.add(static_cast<Index>(f));
+  for (std::size_t f = 0; f < other.size(); ++f)
+    if (other[f] != 0 || (!made.empty() && made[f] == 0)) again.add(static_cast<Index>(f));
   std::vector<char> keep = again.close();
   for (char& k : keep) k = static_cast<char>(k == 0);
   return keep;
@@ -140,8 +147,10 @@ std::vector<char> unchanged_fronts(const NumericState<T>& s, std::span<const T> 
 
 #define ESPALIER_INSTANTIATE(T)                                                                                    \
   template std::vector<char> fronts_to_keep(const NumericState<T>&, const plan::Plan&, const plan::FrontsBefore&); \
+  template std::vector<char> changed_fronts(const NumericState<T>&, std::span<const T>, std::span<const T>,        \
+                                            const PivotRule&, base::ThreadPool&);                                  \
   template std::vector<char> unchanged_fronts(const NumericState<T>&, std::span<const T>, std::span<const T>,      \
-                                              const PivotRule&, base::ThreadPool&);
+                                              const PivotRule&, base::ThreadPool&, std::span<const char>);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE
 
