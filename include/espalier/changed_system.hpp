@@ -55,8 +55,11 @@ struct ChangedSolveResult : SolveResult {
 /// std::logic_error until reset(). Not safe for concurrent calls, nor beside calls on the Solver.
 class ChangedSystem {
  public:
+  /// @param by_rows  the solver holds A^T: changes and solutions are of A all the same, and solves with the transpose
+  /// are
+  ///                 the shorter ones
   /// @throws std::logic_error where `solver` has no factor, or ranks share it
-  explicit ChangedSystem(Solver& solver);
+  explicit ChangedSystem(Solver& solver, bool by_rows = false);
   ~ChangedSystem();
   ChangedSystem(ChangedSystem&&) noexcept;
   ChangedSystem& operator=(ChangedSystem&&) noexcept;
@@ -97,6 +100,8 @@ class ChangedSystem {
   Status add_low_rank(const SparseColumns& u, std::span<const double> c = {}, const SparseColumns& v = {});
   /// Forgets all changes, and takes the factor that the Solver has now.
   void reset();
+  /// The same where the solver's matrix has come in another layout since.
+  void reset(bool by_rows);
 
   /// Lets the columns of what is new go through the factor now, or factorizes the changed matrix. solve() does that
   /// where it is needed.
@@ -112,12 +117,12 @@ class ChangedSystem {
   [[nodiscard]] Index changes() const;  ///< rows that S has, or will have after the next prepare() without folding
   [[nodiscard]] bool removed(Index unknown) const;  ///< @throws std::out_of_range
   [[nodiscard]] ChangeCost cost() const;
-  /// Solves for `columns` right-hand sides of size() values. What b says of removed equations is not read; removed
-  /// unknowns are 0. x may be b.
-  /// `backward_error` is normwise, of the changed system, over its norm, or a lower bound where changes touch more than
-  /// 4096 rows, so that it is never too small; `componentwise_error` is NaN.
-  /// Status as prepare().
-  ChangedSolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1);
+  /// Solves for `columns` right-hand sides of size() values, with the changed matrix or with its transpose, which takes
+  /// two solves with A^T where it is another one. What b says of removed equations is not read; removed unknowns are 0.
+  /// x may be b. `backward_error` is normwise, of the changed system, over its norm, or a lower bound where changes
+  /// touch more than 4096 rows, so that it is never too small; `componentwise_error` is NaN. Status as prepare().
+  ChangedSolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
+                           Transpose transpose = Transpose::no);
   /// Of the changed matrix without its removed rows and columns, by Haynsworth's theorem; -1 where A or a change is not
   /// symmetric. Makes columns as prepare() does. @throws Error where the device or memory fails
   [[nodiscard]] Inertia inertia() const;

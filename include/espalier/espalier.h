@@ -398,13 +398,14 @@ int espalier_load_analysis_rows_i64(espalier_solver* solver, const char* path, c
                                     espalier_analysis_info* info);
 /** Saves the analysis to a file, for espalier_load_analysis of the same pattern. With ranks, rank 0 writes it. */
 int espalier_save_analysis(espalier_solver* solver, const char* path);
-/** Saves the last factorization of a real matrix, with matrix and analysis, to a file that appears under its name when
- * all of it is on the medium. */
+/** Saves the last factorization, with matrix and analysis, to a file that appears under its name when all of it is on
+ * the medium. Not of ranks. */
 int espalier_save_factor(espalier_solver* solver, const char* path);
-/** In place of analyze and factorize: the factor of a file of espalier_save_factor; kind and precision are those of the
- * file. Its numbers are taken from the file where this machine lays out fronts alike, else the matrix is factorized
- * again. espalier_refactorize then takes values in the order of the file: of lu all entries, else one triangle.
- * ESPALIER_INVALID_INPUT for a file that is cut off, damaged, none of these, or newer. @param info may be null */
+/** In place of analyze and factorize: the factor of a file of espalier_save_factor, real or complex; kind and precision
+ * are those of the file. Its numbers are taken from the file where this machine lays out fronts alike, else the matrix
+ * is factorized again. espalier_refactorize then takes values in the order of the file: that of the matrix that was
+ * saved, without duplicates; of lu all entries. ESPALIER_INVALID_INPUT for a file that is cut off, damaged, none of
+ * these, or newer: the solver has no matrix then. @param info may be null */
 int espalier_load_factor(espalier_solver* solver, const char* path, espalier_factor_info* info);
 int espalier_load_analysis_i32(espalier_solver* solver, const char* path, const espalier_matrix_i32* a,
                                espalier_analysis_info* info);
@@ -423,7 +424,7 @@ int espalier_analyze_change_i64(espalier_solver* solver, const espalier_matrix_i
 
 /** Rows and columns that come and go around the factor of a solver, see changed_system.hpp. Indices are from 0. Why a
  * call failed is said by the solver (espalier_last_error), under whose lock all calls are. End it before the solver,
- * and make it anew, or reset it, when that has factorized again. Real matrices; a general one by columns. */
+ * and make it anew, or reset it, when that has factorized again. Real matrices. */
 typedef struct espalier_changed espalier_changed;
 int espalier_changed_create(espalier_solver* solver, espalier_changed** changed);
 void espalier_changed_destroy(espalier_changed* changed);
@@ -450,9 +451,10 @@ int espalier_changed_fold(espalier_changed* changed);
 int espalier_changed_set_folding(espalier_changed* changed, int automatic);
 /** Unknowns: those of A and all that were added. */
 int espalier_changed_size(espalier_changed* changed, int64_t* size);
-/** @param count  of values in b, and in x, which may be b: unknowns times columns, checked */
+/** @param count  of values in b, and in x, which may be b: unknowns times columns, checked
+ * @param transpose  espalier_transpose, of the changed matrix */
 int espalier_changed_solve(espalier_changed* changed, const double* b, double* x, int64_t count, int64_t columns,
-                           espalier_solve_info* info);
+                           int transpose, espalier_solve_info* info);
 /** Eigenvalues above, below and at zero; -1 where something is not symmetric. */
 int espalier_changed_inertia(espalier_changed* changed, int64_t inertia[3]);
 /** Operations and seconds, see ChangeCost. */

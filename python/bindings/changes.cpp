@@ -208,7 +208,8 @@ class BatchHandle {
 class ChangedHandle {
  public:
   explicit ChangedHandle(SolverHandle& solver) : solver_(solver), generation_(solver.generation()) {
-    solver_.with_solver(generation_, [&](Solver& s) { changed_ = std::make_unique<ChangedSystem>(s); });
+    solver_.with_solver(generation_,
+                        [&](Solver& s) { changed_ = std::make_unique<ChangedSystem>(s, solver_.transposed()); });
   }
   nb::tuple add(const Pointers& p, const Indices& i, const Values& v, const Pointers& rp, const Indices& ri,
                 const Values& rv, const Values& corner) {
@@ -245,10 +246,11 @@ class ChangedHandle {
   nb::tuple restore(const Indices& list) {
     return status([&] { return changed_->restore({list.data(), list.size()}); });
   }
-  nb::tuple solve(const Values& b, Index columns) {
+  nb::tuple solve(const Values& b, Index columns, bool transpose) {
     std::vector<double> x(b.size());
     ChangedSolveResult r;
-    solver_.with_solver(generation_, [&](Solver&) { r = changed_->solve(span_of(b), x, columns); });
+    const Transpose how = transpose ? Transpose::yes : Transpose::no;
+    solver_.with_solver(generation_, [&](Solver&) { r = changed_->solve(span_of(b), x, columns, how); });
     return solved(
         r, array_of(std::move(x), {static_cast<std::size_t>(columns), b.size() / static_cast<std::size_t>(columns)}));
   }
@@ -308,7 +310,7 @@ void bind_changes(nb::module_& m) {
       .def("cost", &ChangedHandle::cost)
       .def("remove", &ChangedHandle::remove, array("unknowns"))
       .def("restore", &ChangedHandle::restore, array("unknowns"))
-      .def("solve", &ChangedHandle::solve, array("b"), "columns"_a)
+      .def("solve", &ChangedHandle::solve, array("b"), "columns"_a, "transpose"_a)
       .def("inertia", &ChangedHandle::inertia)
       .def_prop_ro("size", &ChangedHandle::size);
 }

@@ -229,6 +229,18 @@ void bind_solver(nb::module_& m) {
           },
           array("pointers"), array("indices"), array("values"))
       .def("save_analysis", [](SolverHandle& s, const std::string& path) { return status_of(s.save_analysis(path)); })
+      .def("save_factor", [](SolverHandle& s, const std::string& path) { return status_of(s.save_factor(path)); })
+      .def("load_factor",
+           [](SolverHandle& s, const std::string& path) {
+             SavedFactor saved = s.load_factor(path);
+             const Shape& shape = saved.shape;
+             const std::size_t begins = saved.pointers.size(), entries = saved.indices.size();
+             return nb::make_tuple(status_of(saved.factor.report.status), fields(saved.factor, shape.by_rows, shape.n),
+                                   fields(saved.analysis),
+                                   nb::make_tuple(array_of(std::move(saved.pointers), {begins}),
+                                                  array_of(std::move(saved.indices), {entries}), shape.by_rows,
+                                                  static_cast<int>(shape.storage), shape.complex, saved.restored));
+           })
       .def("state", [](SolverHandle& s) { return static_cast<int>(s.state()); })
       .def(
           "has_pattern",

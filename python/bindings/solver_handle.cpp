@@ -12,13 +12,7 @@
 
 namespace espalier::python {
 
-namespace {
-
-// Threads take longer to start than such systems to factorize.
-constexpr Offset kSmall = 20'000;  // entries
-
-// The rows of a triangle are the columns of the other one.
-Storage by_columns(const Shape& shape) {
+Storage storage_by_columns(const Shape& shape) {
   if (!shape.by_rows) return shape.storage;
   if (shape.storage == Storage::symmetric_lower) return Storage::symmetric_upper;
   if (shape.storage == Storage::symmetric_upper) return Storage::symmetric_lower;
@@ -27,13 +21,18 @@ Storage by_columns(const Shape& shape) {
   return shape.storage;
 }
 
+namespace {
+
+// Threads take longer to start than such systems to factorize.
+constexpr Offset kSmall = 20'000;  // entries
+
 MatrixView view_of(const Pointers& pointers, const Indices& indices, const Values* values, const Shape& shape) {
   MatrixView view;
   view.rows = view.cols = shape.n;
   view.col_ptr = {pointers.data(), pointers.size()};
   view.row_ind = {indices.data(), indices.size()};
   if (values != nullptr) view.values = {values->data(), values->size()};
-  view.storage = by_columns(shape);
+  view.storage = storage_by_columns(shape);
   return view;
 }
 
@@ -96,6 +95,7 @@ SolverHandle::SolverHandle(const SolverHandle& original, int threads)
     : options_(original.options_),
       host_(original.host_),
       single_(original.single_ && threads == 0),
+      other_options_(original.other_options_),
       by_rows_(original.by_rows_),
       transposed_(original.transposed_) {
   if (threads > 0) options_.threads = threads;
@@ -111,18 +111,10 @@ void SolverHandle::set_permutation(const Indices& order) {
   options_.permutation.assign(order.data(), order.data() + order.size());
 }
 
-template <class Body>
-auto SolverHandle::call(Body&& body) {
-  return turns_.call([&] {
-    if (closed_) throw std::logic_error("the solver is closed");
-    return body();
-  });
-}
-
 void SolverHandle::make_solver(Offset nonzeros, bool complex) {
   const bool single =
       options_.threads == 0 && nonzeros < kSmall && (options_.device == "auto" || options_.device == "cpu");
-  if ((complex ? complex_solver_.has_value() : solver_.has_value()) && single == single_) return;
+  if ((complex ? complex_solver_.has_value() : solver_.has_value()) && single == single_ && !other_options_) return;
   Options options = options_;
   if (single) options.threads = 1;
   solver_.reset();
@@ -133,6 +125,7 @@ void SolverHandle::make_solver(Offset nonzeros, bool complex) {
   else
     solver_.emplace(std::move(options));
   single_ = single;
+  other_options_ = false;
 }
 
 AnalysisResult SolverHandle::analyze(const Pointers& pointers, const Indices& indices,
@@ -170,15 +163,6 @@ AnalysisResult SolverHandle::load_analysis(const std::string& path, const Pointe
     if (shape.complex) return complex_solver_->load_analysis(path, complex_view_of(pointers, indices, given, shape));
     return solver_->load_analysis(path, view_of(pointers, indices, given, shape));
   });
-}
-
-// Calls use(solver) with the solver that there is.
-template <class Use>
-auto SolverHandle::with_analyzed(Use&& use) {
-  if (complex_solver_ && complex_solver_->state() != Solver::State::empty) return use(*complex_solver_);
-  if (!solver_ || solver_->state() == Solver::State::empty)
-    throw std::logic_error("there is no analysis: call analyze(A) or factorize(A) first");
-  return use(*solver_);
 }
 
 Solver& SolverHandle::analyzed() {

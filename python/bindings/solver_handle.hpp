@@ -11,6 +11,7 @@
 #include <limits>
 #include <memory>
 #include <optional>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -64,6 +65,19 @@ struct RowsSolved {
   std::vector<double> x;
 };
 
+/// What a saved factor is of: the matrix as Python has it, and its pattern.
+struct SavedFactor {
+  AnyFactor factor;
+  AnalysisResult analysis;
+  Shape shape;
+  std::vector<Offset> pointers;
+  std::vector<Index> indices;
+  bool restored = false;  ///< see LoadedFactorOf
+};
+
+/// The storage of the columns of such a matrix: the rows of a triangle are the columns of the other one.
+Storage storage_by_columns(const Shape& shape);
+
 class SolverHandle {
  public:
   SolverHandle();
@@ -104,6 +118,10 @@ class SolverHandle {
   /// @param values  of complex matrices their parts
   AnyInverse trace_of_inverse(const Pointers& pointers, const Indices& indices, const Values& values);
   Status save_analysis(const std::string& path);
+  /// See espalier/factor_file.hpp. @throws std::logic_error without a factor
+  Status save_factor(const std::string& path);
+  /// Of either sort of numbers; without a solver where it fails. @throws Error(invalid_input) for what is no such file
+  SavedFactor load_factor(const std::string& path);
   [[nodiscard]] Solver::State state();
   /// See Solver::has_pattern() and Solver::values().
   bool has_pattern(const Pointers& pointers, const Indices& indices, const Shape& shape);
@@ -130,15 +148,28 @@ class SolverHandle {
   /// Whether the caller's matrix is given by rows: the C++ solver holds its transpose, which is the matrix itself where
   /// it is symmetric, and its conjugate where it is Hermitian.
   [[nodiscard]] bool by_rows() const { return by_rows_; }
+  /// Of a real matrix: whether the C++ solver's calls are to be turned.
+  [[nodiscard]] bool transposed() const { return transposed_; }
 
  private:
   SolverHandle(const SolverHandle& original, int threads);
 
   template <class Body>
-  auto call(Body&& body);
-  void make_solver(Offset nonzeros, bool complex);
+  auto call(Body&& body) {
+    return turns_.call([&] {
+      if (closed_) throw std::logic_error("the solver is closed");
+      return body();
+    });
+  }
+  // Calls use(solver) with the solver that there is.
   template <class Use>
-  auto with_analyzed(Use&& use);
+  auto with_analyzed(Use&& use) {
+    if (complex_solver_ && complex_solver_->state() != Solver::State::empty) return use(*complex_solver_);
+    if (!solver_ || solver_->state() == Solver::State::empty)
+      throw std::logic_error("there is no analysis: call analyze(A) or factorize(A) first");
+    return use(*solver_);
+  }
+  void make_solver(Offset nonzeros, bool complex);
   Solver& analyzed();
 
   Options options_;
@@ -146,9 +177,10 @@ class SolverHandle {
   std::optional<Solver> solver_;  // one of them at most
   std::optional<ComplexSolver> complex_solver_;
   std::uint64_t generation_ = 0;
-  bool single_ = false;      // it has one thread because its system was small
-  bool by_rows_ = false;     // it holds A^T ...
-  bool transposed_ = false;  // ... of a matrix in general storage: solves turn it
+  bool single_ = false;         // it has one thread because its system was small
+  bool other_options_ = false;  // kind and precision are those of a file
+  bool by_rows_ = false;        // it holds A^T ...
+  bool transposed_ = false;     // ... of a matrix in general storage: solves turn it
   bool closed_ = false;
   Turns turns_{"a solver was called from its own log handler"};
 };

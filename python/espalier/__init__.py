@@ -16,6 +16,7 @@ from ._progress import Progress
 from ._reduced import Interface, ReducedBody
 from ._result import Result, Summary
 from ._results import Analysis, Change, Factor, Inertia, InverseEntries, Solve, SolveRows
+from ._saved import load_factor
 from ._scene import SurfaceFrame
 from ._sensitivities import Derivatives, derivatives, objective_gradient
 from ._simulation import Simulation, Step, sweep
@@ -24,5 +25,5 @@ from . import examples as examples
 
 __all__ = ["AccuracyWarning", "Analysis", "Batch", "BatchSolve", "Cells", "Change", "ChangeCost", "ChangedSystem", "Dae", "Derivatives", "DeviceError", "Error", "Factor", "Frame", "Harmonic", "Inertia", "Interface", "InvalidInputError", "InverseEntries", "Model", "ModelHarmonic",
            "Modes", "QuadraticModes", "NotPositiveDefiniteError", "OutOfMemoryError", "Progress", "ReducedBody", "Result", "SchurComplement", "Simulation", "SingularMatrixError", "Solve", "SolveRows", "Solver",
-           "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "from_meshio", "harmonic", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
+           "Step", "Summary", "SurfaceFrame", "__version__", "buckling_modes", "derivatives", "from_meshio", "harmonic", "load_factor", "modes", "objective_gradient", "quadratic_modes", "solve", "solve_systems",
            "sweep"]

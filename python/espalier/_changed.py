@@ -34,8 +34,8 @@ class ChangedSystem:
     Unknowns keep their numbers: 0 to n - 1 are those of A, added ones follow. Changes are noted; the next solve() lets the columns of what is
     new go through the factor together. With folding=True, which set it so at first, the changed matrix is factorized, beside the solver's factor, where columns have
     taken as many operations as that (`cost`).
-    The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError until reset(). A general
-    matrix must have been given by columns (A.tocsc()).
+    The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError until reset(). Solves with
+    the transpose of an unsymmetric matrix take two solves with the factor, of compressed rows (CSR) those without.
     """
 
     def __init__(self, solver: Solver, *, folding: bool = True) -> None:
@@ -45,9 +45,6 @@ class ChangedSystem:
             raise RuntimeError("there is no factorization: call solver.factorize(A) first")
         if solver._complex:
             raise TypeError("the solver has a complex matrix; changes are made around real ones")
-        assert solver.analysis is not None
-        if solver._by_rows and solver._storage == 0 and solver.analysis.kind == "lu":
-            raise ValueError("the solver has a general matrix by rows: give it A.tocsc()")
         self._folding = _checks.flag(folding, "folding")
         self._solver, self._n = solver, solver._n
         self._core = _core.ChangedSystem(solver._core)
@@ -159,11 +156,11 @@ class ChangedSystem:
         """What the changes have cost, and what a factorization would."""
         return ChangeCost(*self._core.cost())
 
-    def solve(self, b: Any) -> "NDArray[np.float64]":
-        """x of the shape of b, (len(self),) or (len(self), k). Raises SingularMatrixError where the changed matrix is
-        singular; warns AccuracyWarning."""
+    def solve(self, b: Any, *, transpose: "bool | str" = False) -> "NDArray[np.float64]":
+        """x of the shape of b, (len(self),) or (len(self), k); transpose: with the transposed matrix. Raises
+        SingularMatrixError where the changed matrix is singular; warns AccuracyWarning."""
         flat, columns, one = _columns(b, len(self), "b")
-        status, x, figures = self._core.solve(flat, columns)
+        status, x, figures = self._core.solve(flat, columns, bool(_checks.transposition(transpose)))
         self.last_solve = Solve(*figures)
         _checked(status)
         return x[0] if one else x.T

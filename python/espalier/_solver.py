@@ -58,12 +58,14 @@ class Solver(Solutions, SelectedInverse, Inverse):
     usable afterwards. Raises InvalidInputError for wrong options.
 
     A solver can be pickled and copied: options, pattern, analysis and values go along, and the copy factorizes again when
-    it is loaded. Arrays of the pattern are kept for that, without a copy where they need no conversion.
+    it is loaded; save_factor() and load_factor() keep the factor. Arrays of the pattern are kept for that, without a copy
+    where they need no conversion.
     """
 
     def __init__(self, A: Any = None, *, symmetry: str = "auto", log: "logging.Logger | None" = None,
                  permutation: Any = None, progress: Asked = "auto", **options: "Unpack[SolverOptions]") -> None:
-        self._storage = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]
+        self._asked = _STORAGE[_checks.choice(symmetry, "symmetry", _STORAGE)]  # of matrices that are given
+        self._storage = self._asked  # of the analyzed one, which may be that of a file
         self._core = _core.Solver()
         self._options = {"symmetry": symmetry, "log": log, "permutation": permutation,
                          "progress": "auto" if callable(progress) else progress, **options}
@@ -79,6 +81,7 @@ class Solver(Solutions, SelectedInverse, Inverse):
         self.factor: "Factor | None" = None
         self.last_solve: "Solve | None" = None
         self.last_inverse = None
+        self.restored: "bool | None" = None  # by load_factor(): whether the factor's numbers are those of the file
         if A is not None:
             self.factorize(A)
 
@@ -109,6 +112,29 @@ class Solver(Solutions, SelectedInverse, Inverse):
         where the file is damaged or belongs to another pattern."""
         return self._analyze(self._taken(A)[0], _checks.path(path, "path"))
 
+    def save_factor(self, path: "str | os.PathLike[str]") -> None:
+        """Writes the factor, with matrix and analysis, to a file that appears under its name when all of it is on the medium;
+        what stood there stays until then. espalier.load_factor() goes on with it, in another process or on another machine.
+        Raises InvalidInputError with the system's reason where the file cannot be written."""
+        self._factored()
+        status = self._core.save_factor(_checks.path(path, "path"))
+        if status[0]:
+            raise make_error(*status)
+
+    def stored_matrix(self) -> Any:
+        """The matrix of the last factorization as a new sparse array, of compressed rows or columns as it was given: the order
+        in which factorize() takes values. One triangle where one is stored."""
+        import numpy as np
+        import scipy.sparse as sp
+
+        self._factored()
+        pointers, indices = self._pattern
+        if not self._core.has_pattern(pointers, indices, self._by_rows, self._storage, self._complex):
+            raise ValueError("the arrays of the matrix have been changed since its analysis: call factorize(A) again")
+        values = self._core.values()
+        kind = sp.csr_array if self._by_rows else sp.csc_array
+        return kind((values.view(np.complex128) if self._complex else values, indices.copy(), pointers.copy()), shape=(self._n, self._n))
+
     def clone(self, threads: int = 0) -> "Solver":
         """Another solver with the same options that shares the analysis and has no factor yet: for threads, load cases
         and batches. threads: host threads of its own; 0: as many as this solver has."""
@@ -118,9 +144,10 @@ class Solver(Solutions, SelectedInverse, Inverse):
         return other
 
     def _analyze(self, arrays: "tuple[Any, Any, Any, bool]", path: "str | None" = None,
-                 complex_values: "bool | None" = None) -> Analysis:
-        """complex_values: what a pattern without values is for; None: real ones."""
+                 complex_values: "bool | None" = None, storage: "int | None" = None) -> Analysis:
+        """complex_values: what a pattern without values is for; None: real ones. storage: None: as it was asked for."""
         self.analysis = self.factor = self._pattern = None
+        self._storage = self._asked if storage is None else storage
         self._complex = bool(complex_values) if arrays[2] is None else arrays[2].dtype.kind == "c"
         given = (*arrays[:2], _floats(arrays[2]), arrays[3], self._storage, self._complex)
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
@@ -144,10 +171,10 @@ class Solver(Solutions, SelectedInverse, Inverse):
         if self._complex or (arrays[2] is not None and arrays[2].dtype.kind == "c"):
             raise TypeError("the pattern of a complex system is analyzed anew: call analyze(A)")
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
-            status, found, change = self._core.analyze_change(*arrays, self._storage)
+            status, found, change = self._core.analyze_change(*arrays, self._asked)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")  # what was there still is
-        self.factor = None
+        self.factor, self._storage = None, self._asked
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return Change(self.analysis, *change)
@@ -206,7 +233,7 @@ class Solver(Solutions, SelectedInverse, Inverse):
         if arrays[2] is None:
             raise ValueError("a pattern without values cannot be factorized")
         known = (self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
-                 and (arrays[2].dtype.kind == "c") == self._complex)
+                 and (arrays[2].dtype.kind == "c") == self._complex and self._storage == self._asked)
         if known and on_gpu is not None:
             known = self._core.has_pattern(arrays[0], arrays[1], arrays[3], self._storage, self._complex)
         if not known:
@@ -239,7 +266,7 @@ class Solver(Solutions, SelectedInverse, Inverse):
             if self._complex:
                 values = values.astype("complex128")
             else:
-                self._analyze((*self._pattern, values.copy(), self._by_rows))
+                self._analyze((*self._pattern, values.copy(), self._by_rows), storage=self._storage)
         before, self.factor = self.factor, None
         try:
             with self._watch(*self._factorizing(before)):
@@ -302,7 +329,12 @@ class Solver(Solutions, SelectedInverse, Inverse):
         values = None if self.factor is None else self._core.values()
         if values is not None and self._complex:
             values = values.view("complex128")
-        return _revive, (type(self), self._options, self._pattern, self._by_rows, analysis, values, self._complex)
+        options = dict(self._options)
+        if self._storage != self._asked:  # of a file
+            options["symmetry"] = list(_STORAGE)[self._storage + 1]
+        if self.analysis is not None and options.get("kind", "auto") != "auto":
+            options["kind"] = self.analysis.kind
+        return _revive, (type(self), options, self._pattern, self._by_rows, analysis, values, self._complex)
 
     def __repr__(self) -> str:
         return f"<espalier.Solver: {self._words()}>"

@@ -295,3 +295,35 @@ class TestPartialRefactorization:
         assert np.array_equal(solver.solve(b), x)
         with pytest.raises(RuntimeError, match="no factorization"):
             esp.Solver().factorize_entries([0], [1.0])
+
+
+@pytest.mark.parametrize("layout", ["csc", "csr", "coo", "triple"])
+@pytest.mark.parametrize("kind", ["llt", "ldlt", "lu"])
+def test_changed_system_transposed(kind, layout):
+    """Unsymmetric changes around either layout, with A and A^T, before and after a factorization of the changed matrix."""
+    n = 40
+    a = system(n, kind, 5)
+    rng = np.random.default_rng(2)
+    changed = esp.ChangedSystem(esp.Solver(layouts(a, layout), kind=kind, threads=2), folding=False)
+    u, c, v = rng.random((n, 2)), np.array([[2.0, 0.5], [0.1, -1.0]]), rng.random((n, 2))
+    g, h, d = rng.random((n, 2)), rng.random((2, n)), np.array([[3.0, 1.0], [-1.0, 4.0]])
+    changed.add_low_rank(u, c, v)
+    changed.add(g, h, d)
+    column, row = sp.csc_array(rng.random((n + 2, 1))), sp.csr_array(rng.random((1, n + 2)))
+    changed.replace([7], column, row)
+    changed.remove([4])
+    full = np.block([[a + u @ c @ v.T, g], [h, d]])
+    corner = column.toarray()[7, 0]
+    full[:, 7], full[7] = column.toarray()[:, 0], row.toarray()[0]
+    full[7, 7] = corner
+    kept = np.delete(np.arange(n + 2), 4)
+    b = rng.random((n + 2, 3))
+    for _ in range(2):
+        for transpose, op in ((False, full), (True, full.T), ("H", full.T)):
+            x = changed.solve(b, transpose=transpose)
+            assert not x[4].any()
+            np.testing.assert_allclose(op[np.ix_(kept, kept)] @ x[kept], b[kept], atol=1e-9)
+            assert changed.last_solve.backward_error < 1e-13
+        changed.fold()
+    with pytest.raises(ValueError, match="transpose"):
+        changed.solve(b, transpose="T")

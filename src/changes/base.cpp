@@ -20,23 +20,25 @@ double Base::entry(Index row, Index column) const {
   return found;
 }
 
-const std::vector<double>& Base::row_sums() {
-  if (!row_sums_.empty() || order() == 0) return row_sums_;
+const std::vector<double>& Base::row_sums(bool turned) {
+  std::vector<double>& made = row_sums_[turned ? 1 : 0];
+  if (!made.empty() || order() == 0) return made;
   (void)values();  // from a device, if they are there alone
   std::vector<double> sums(at(order()), 0.0);
   session_->pool.for_each_range(order(), 1024, [&](std::int64_t begin, std::int64_t end) {
     for (auto i = begin; i < end; ++i)
-      for_each_in_row(static_cast<Index>(i),
+      for_each_in_row(static_cast<Index>(i), turned,
                       [&](Index, double v) { sums[static_cast<std::size_t>(i)] += std::abs(v); });
   });
-  row_sums_ = std::move(sums);
-  return row_sums_;
+  made = std::move(sums);
+  return made;
 }
 
-const std::vector<Index>& Base::largest_rows() {
+const std::vector<Index>& Base::largest_rows(bool turned) {
   constexpr std::size_t kMost = 8192;
-  if (!largest_rows_.empty()) return largest_rows_;
-  const std::vector<double>& sums = row_sums();
+  std::vector<Index>& made = largest_rows_[turned ? 1 : 0];
+  if (!made.empty()) return made;
+  const std::vector<double>& sums = row_sums(turned);
   std::vector<Index> rows(at(order()));
   std::iota(rows.begin(), rows.end(), 0);
   const auto first = [&](Index a, Index b) { return sums[at(a)] != sums[at(b)] ? sums[at(a)] > sums[at(b)] : a < b; };
@@ -45,8 +47,8 @@ const std::vector<Index>& Base::largest_rows() {
     rows.resize(kMost);
   }
   std::sort(rows.begin(), rows.end(), first);
-  largest_rows_ = std::move(rows);
-  return largest_rows_;
+  made = std::move(rows);
+  return made;
 }
 
 const device::ResidualSpace& Base::space() const {
@@ -77,11 +79,11 @@ void Base::fetch(double* to, const double* from, Index columns) const {
     device()->fetch(to, from, count);
 }
 
-void Base::substitute(const double* b, double* x, Index columns) {
+void Base::substitute(const double* b, double* x, Index columns, bool turned) {
   if (on_host())
-    session_->factor->solve(b, x, columns, false);
+    session_->factor->solve(b, x, columns, turned);
   else
-    device()->substitute(b, x, columns, false);
+    device()->substitute(b, x, columns, turned);
 }
 
 }  // namespace espalier::changes

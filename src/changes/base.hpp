@@ -41,11 +41,16 @@ class Base {
   void for_each_in_row(Index row, Use&& use) const {
     along(row, true, use);
   }
+  /// The same of the transposed matrix, if `turned`.
+  template <class Use>
+  void for_each_in_row(Index row, bool turned, Use&& use) const {
+    along(row, !turned, use);
+  }
   [[nodiscard]] double entry(Index row, Index column) const;
-  /// Sums of magnitudes by rows; made when first asked for.
-  [[nodiscard]] const std::vector<double>& row_sums();
+  /// Sums of magnitudes by rows, if `turned` of the transposed matrix; made when first asked for.
+  [[nodiscard]] const std::vector<double>& row_sums(bool turned = false);
   /// The rows with the largest sums, from the largest on; some thousands.
-  [[nodiscard]] const std::vector<Index>& largest_rows();
+  [[nodiscard]] const std::vector<Index>& largest_rows(bool turned);
 
   /// Where vectors are: on the device of the factor or on the host.
   [[nodiscard]] const device::ResidualSpace& space() const;
@@ -54,8 +59,8 @@ class Base {
   double* vectors(Index slot, Index columns);
   void send(double* to, const double* from, Index columns) const;
   void fetch(double* to, const double* from, Index columns) const;
-  /// x = A^-1 b there, by the factor alone; x may be b.
-  void substitute(const double* b, double* x, Index columns);
+  /// x = A^-1 b there, or A^-T b, by the factor alone; x may be b.
+  void substitute(const double* b, double* x, Index columns, bool turned = false);
 
  private:
   [[nodiscard]] device::DeviceLinearSystem* device() const {
@@ -77,8 +82,8 @@ class Base {
 
   solver::Session* session_;
   std::vector<char> alive_;
-  std::vector<double> row_sums_;
-  std::vector<Index> largest_rows_;
+  std::vector<double> row_sums_[2];  // of the matrix, of its transpose
+  std::vector<Index> largest_rows_[2];
   std::vector<std::vector<double>> slots_;  // on the host
 };
 

@@ -307,15 +307,20 @@ bool Border::factorize(Base& base) {
   return factorize_once();
 }
 
-MatrixXd Border::solve(const MatrixXd& right) const {
+MatrixXd Border::solve(const MatrixXd& right, bool turned) const {
   if (active_.empty()) return right;
+  if (turned) {
+    const MatrixXd scaled = col_.asDiagonal() * right;
+    const MatrixXd found = factor_.transpose().solve(scaled);
+    return row_.asDiagonal() * found;
+  }
   const MatrixXd scaled = row_.asDiagonal() * right;
   return col_.asDiagonal() * factor_.solve(scaled);
 }
 
-MatrixXd Border::rows_times(const Base& base, const double* y, Index columns) const {
+MatrixXd Border::rows_times(const Base& base, const double* y, Index columns, bool turned) const {
   std::vector<const SparseVector*> rows;
-  for (std::size_t k = 0; k < active_.size(); ++k) rows.push_back(&member(k).row);
+  for (std::size_t k = 0; k < active_.size(); ++k) rows.push_back(&member(k).row_of(turned));
   return products_of(base, rows, y, columns);
 }
 

@@ -39,6 +39,10 @@ class Border {
     std::shared_ptr<double[]> block;  ///< of A^-1 U, several columns
     Index place;                      ///< in the block
     bool refined = false;
+
+    /// Of the transposed system, if `turned`.
+    [[nodiscard]] const SparseVector& column_of(bool turned) const { return turned ? row : column; }
+    [[nodiscard]] const SparseVector& row_of(bool turned) const { return turned ? column : row; }
   };
   [[nodiscard]] const std::vector<Member>& members() const { return members_; }
   /// Numbers of active members, ascending: the order of all below.
@@ -52,10 +56,10 @@ class Border {
   /// Factorizes S. Where it is near to singular, columns that were not refined are first, so that what is left of S can
   /// be trusted. @returns false where S is singular to rounding
   [[nodiscard]] bool factorize(Base& base);
-  /// S T = R. @pre factorize()
-  [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& right) const;
-  /// W Y for vectors of the base's memory: active members by columns.
-  [[nodiscard]] Eigen::MatrixXd rows_times(const Base& base, const double* y, Index columns) const;
+  /// S T = R, or S^T T = R. @pre factorize()
+  [[nodiscard]] Eigen::MatrixXd solve(const Eigen::MatrixXd& right, bool turned = false) const;
+  /// W Y, or U^T Y, for vectors of the base's memory: active members by columns.
+  [[nodiscard]] Eigen::MatrixXd rows_times(const Base& base, const double* y, Index columns, bool turned = false) const;
   /// y -= Z t there.
   void subtract(const Base& base, const Eigen::MatrixXd& t, double* y) const;
 

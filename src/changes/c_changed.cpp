@@ -83,9 +83,8 @@ int espalier_changed_create(espalier_solver* solver, espalier_changed** changed)
   return espalier::solver::guarded(solver, [&](espalier_solver& s) {
     require(!s.complex_solver, "changes are made around real matrices");
     require(s.solver && s.solver->state() == espalier::Solver::State::factorized, "call espalier_factorize first");
-    require(!s.transposed, "the solver has a general matrix by rows: give it by columns");
     auto made = std::make_unique<espalier_changed>(espalier_changed{solver, {}});
-    made->changed.emplace(*s.solver);
+    made->changed.emplace(*s.solver, s.transposed);
     *changed = made.release();
     return CallerStatus(Status());
   });
@@ -101,8 +100,8 @@ void espalier_changed_destroy(espalier_changed* changed) {
 }
 
 int espalier_changed_reset(espalier_changed* changed) {
-  return with_changed(changed, [](ChangedSystem& c) {
-    c.reset();
+  return with_changed(changed, [&](ChangedSystem& c) {
+    c.reset(changed->solver->transposed);
     return Status();
   });
 }
@@ -170,13 +169,16 @@ int espalier_changed_size(espalier_changed* changed, int64_t* size) {
 }
 
 int espalier_changed_solve(espalier_changed* changed, const double* b, double* x, int64_t count, int64_t columns,
-                           espalier_solve_info* info) {
+                           int transpose, espalier_solve_info* info) {
   return with_changed(changed, [&](ChangedSystem& c) {
+    require(transpose >= ESPALIER_NO_TRANSPOSE && transpose <= ESPALIER_CONJUGATE_TRANSPOSE,
+            "the transposition is none of espalier_transpose");
     require(columns >= 1 && columns <= INT32_MAX, "the number of right-hand sides is not positive");
     require(count == c.size() * columns, "the number of values is not that of the unknowns times the columns");
     require(count == 0 || (b != nullptr && x != nullptr), "the right-hand sides or the solutions are null");
     const auto size = static_cast<std::size_t>(count);
-    const espalier::ChangedSolveResult r = c.solve({b, size}, {x, size}, static_cast<Index>(columns));
+    const espalier::ChangedSolveResult r =
+        c.solve({b, size}, {x, size}, static_cast<Index>(columns), static_cast<espalier::Transpose>(transpose));
     espalier::solver::hand_out(static_cast<const espalier::SolveResult&>(r), info);
     return r.status;
   });

@@ -36,6 +36,9 @@ struct Item {
   double corner = 0;       ///< its own entry
   bool auxiliary = false;  ///< of low rank: its unknown is -(row x) / corner, which is not 0
   [[nodiscard]] bool symmetric() const { return column == row; }
+  /// Of the transposed matrix, if `turned`.
+  [[nodiscard]] const SparseVector& column_of(bool turned) const { return turned ? row : column; }
+  [[nodiscard]] const SparseVector& row_of(bool turned) const { return turned ? column : row; }
 };
 
 class ChangedMatrix {

@@ -40,7 +40,7 @@ void check_size(const char* call, const char* name, std::size_t have, std::size_
 }  // namespace
 
 struct ChangedSystem::Impl {
-  explicit Impl(Solver& the_solver) : solver(&the_solver) { reset(); }
+  Impl(Solver& the_solver, bool the_by_rows) : solver(&the_solver), by_rows(the_by_rows) { reset(); }
 
   void reset() {
     if (solver->state() != Solver::State::factorized)
@@ -107,7 +107,14 @@ struct ChangedSystem::Impl {
   void replace(std::span<const Index> unknowns, std::vector<SparseVector> columns, std::vector<SparseVector> rows);
   void add_low_rank(const std::vector<SparseVector>& u, std::span<const double> c, const std::vector<SparseVector>& v);
 
+  /// As the solver has it.
+  [[nodiscard]] Item held(Item item) const {
+    if (by_rows) std::swap(item.column, item.row);
+    return item;
+  }
+
   Solver* solver;
+  bool by_rows;
   std::unique_ptr<changes::System> system;
   std::uint64_t stamp = 0;
   bool folds = true;
@@ -131,7 +138,7 @@ void ChangedSystem::Impl::add(const std::vector<SparseVector>& columns, const st
     if (!corner.empty()) item.corner = corner[k * count + k];
     items.push_back(std::move(item));
   }
-  for (Item& item : items) system->changing().add(std::move(item));
+  for (Item& item : items) system->changing().add(held(std::move(item)));
 }
 
 // Unknowns of the list that come later say what stands between two of it; entities of those are known one by one.
@@ -156,7 +163,7 @@ void ChangedSystem::Impl::replace(std::span<const Index> unknowns, std::vector<S
     item.column = over_entities(columns[k]);
     if (!same) (void)own(rows[k]);
     item.row = same ? item.column : over_entities(rows[k]);
-    system->changing().replace(unknowns[k], std::move(item));
+    system->changing().replace(unknowns[k], held(std::move(item)));
   }
 }
 
@@ -199,15 +206,19 @@ void ChangedSystem::Impl::add_low_rank(const std::vector<SparseVector>& u, std::
   for (const Item& item : items)
     if (item.corner == 0)
       throw Error(StatusCode::invalid_input, "C has an eigenvalue above the largest number; scale U and C");
-  for (Item& item : items) system->changing().add_auxiliary(std::move(item));
+  for (Item& item : items) system->changing().add_auxiliary(held(std::move(item)));
 }
 
-ChangedSystem::ChangedSystem(Solver& solver) : impl_(std::make_unique<Impl>(solver)) {}
+ChangedSystem::ChangedSystem(Solver& solver, bool by_rows) : impl_(std::make_unique<Impl>(solver, by_rows)) {}
 ChangedSystem::~ChangedSystem() = default;
 ChangedSystem::ChangedSystem(ChangedSystem&&) noexcept = default;
 ChangedSystem& ChangedSystem::operator=(ChangedSystem&&) noexcept = default;
 
 void ChangedSystem::reset() { impl_->reset(); }
+void ChangedSystem::reset(bool by_rows) {
+  impl_->reset();
+  impl_->by_rows = by_rows;
+}
 Index ChangedSystem::size() const { return impl_->matrix().unknowns(); }
 Index ChangedSystem::changes() const { return impl_->system->changes(); }
 ChangeCost ChangedSystem::cost() const { return impl_->system->cost(); }
@@ -325,7 +336,8 @@ Status ChangedSystem::fold() {
   return impl_->guarded([&] { impl_->system->fold(); });
 }
 
-ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<double> x, Index columns) {
+ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<double> x, Index columns,
+                                        Transpose transpose) {
   Impl& m = *impl_;
   m.expect_factor("solve");
   if (columns < 1) throw std::invalid_argument(fmt::format("ChangedSystem::solve: {} right-hand sides", columns));
@@ -343,12 +355,13 @@ ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<dou
     const std::less<> before;
     if (m.folds && before(b.data(), x.data() + x.size()) && before(x.data(), b.data() + b.size()))
       kept.assign(b.begin(), b.end());
-    m.system->solve(b.data(), x.data(), columns, result);
+    const bool transposed = (transpose != Transpose::no) != m.by_rows;
+    m.system->solve(b.data(), x.data(), columns, transposed, result);
     const double limit = m.session().options.required_backward_error;
     if (!(result.backward_error <= limit) && m.folds && m.system->changes() > 0) {
       result.backward_error = 0;
       m.system->fold();
-      m.system->solve(kept.empty() ? b.data() : kept.data(), x.data(), columns, result);
+      m.system->solve(kept.empty() ? b.data() : kept.data(), x.data(), columns, transposed, result);
     }
     if (!(result.backward_error <= limit))
       throw Error(

@@ -20,18 +20,18 @@ double sum_of_magnitudes(const SparseVector& v) {
   return sum;
 }
 
-/// Rows of the changed matrix, with what changes of low rank add to them.
+/// Rows of the changed matrix, or of its transpose, with what changes of low rank add to them.
 class Rows {
  public:
-  Rows(const ChangedMatrix& matrix, const Base& base, const Border& border)
-      : matrix_(matrix), base_(base), border_(border), sum_(at(matrix.entities()), 0.0) {}
+  Rows(const ChangedMatrix& matrix, const Base& base, const Border& border, bool turned)
+      : matrix_(matrix), base_(base), border_(border), turned_(turned), sum_(at(matrix.entities()), 0.0) {}
 
   double sum_of(Index entity) {
     columns_.clear();
     if (base_.has(entity)) {
-      base_.for_each_in_row(entity, [&](Index column, double v) { add(column, v); });
+      base_.for_each_in_row(entity, turned_, [&](Index column, double v) { add(column, v); });
       for (std::size_t k = 0; k < border_.active().size(); ++k)
-        if (!border_.member(k).slack) add(border_.member(k).entity, border_.member(k).column.at(entity));
+        if (!border_.member(k).slack) add(border_.member(k).entity, border_.member(k).column_of(turned_).at(entity));
     } else {
       add_own_row(entity);
     }
@@ -48,8 +48,9 @@ class Rows {
     if (v == 0 || !matrix_.alive(column)) return;
     if (!matrix_.auxiliary(column)) return add_one(column, v);
     const Item& i = matrix_.item(column);
-    for (std::size_t q = 0; q < i.row.size(); ++q)
-      if (matrix_.alive(i.row.place[q])) add_one(i.row.place[q], -v / i.corner * i.row.value[q]);
+    const SparseVector& row = i.row_of(turned_);
+    for (std::size_t q = 0; q < row.size(); ++q)
+      if (matrix_.alive(row.place[q])) add_one(row.place[q], -v / i.corner * row.value[q]);
   }
   void add_one(Index column, double v) {
     columns_.push_back(column);  // a second time it finds zero
@@ -58,23 +59,25 @@ class Rows {
   void add_own_row(Index entity) {
     std::size_t me = 0;
     while (border_.member(me).entity != entity) ++me;
-    const SparseVector& row = border_.member(me).row;
+    const SparseVector& row = border_.member(me).row_of(turned_);
     for (std::size_t q = 0; q < row.size(); ++q) add(row.place[q], row.value[q]);
     for (std::size_t k = 0; k < border_.active().size(); ++k)
-      if (!border_.member(k).slack) add(border_.member(k).entity, border_.corner(me, k));
+      if (!border_.member(k).slack)
+        add(border_.member(k).entity, turned_ ? border_.corner(k, me) : border_.corner(me, k));
   }
 
   const ChangedMatrix& matrix_;
   const Base& base_;
   const Border& border_;
+  bool turned_;
   std::vector<double> sum_;
   std::vector<Index> columns_;
 };
 
 }  // namespace
 
-double RowNorm::of(const ChangedMatrix& matrix, Base& base, const Border& border) {
-  const std::vector<double>& sums = base.row_sums();
+double RowNorm::of(const ChangedMatrix& matrix, Base& base, const Border& border, bool turned) {
+  const std::vector<double>& sums = base.row_sums(turned);
   bound_.resize(at(matrix.entities()), 0.0);
   touched_.resize(bound_.size(), 0);
   list_.clear();
@@ -87,22 +90,22 @@ double RowNorm::of(const ChangedMatrix& matrix, Base& base, const Border& border
   };
   const auto weight = [&](Index entity) {
     if (!matrix.auxiliary(entity)) return 1.0;
-    return sum_of_magnitudes(matrix.item(entity).row) / std::abs(matrix.item(entity).corner);
+    return sum_of_magnitudes(matrix.item(entity).row_of(turned)) / std::abs(matrix.item(entity).corner);
   };
   for (std::size_t k = 0; k < border.active().size(); ++k) {
     const Border::Member& m = border.member(k);
     if (m.slack) {
-      base.for_each_in_column(m.entity, [&](Index row, double) { touch(row, 0); });
+      base.for_each_in_row(m.entity, !turned, [&](Index row, double) { touch(row, 0); });  // its column
       continue;
     }
-    touch_all(m.column, weight(m.entity));
-    touch(m.entity, sum_of_magnitudes(m.row));
+    touch_all(m.column_of(turned), weight(m.entity));
+    touch(m.entity, sum_of_magnitudes(m.row_of(turned)));
   }
   for (Index e = matrix.n(); e < base.order(); ++e)
-    if (base.has(e) && matrix.auxiliary(e)) touch_all(matrix.item(e).column, weight(e));
+    if (base.has(e) && matrix.auxiliary(e)) touch_all(matrix.item(e).column_of(turned), weight(e));
 
   const auto stays = [&](Index row) { return touched_[at(row)] == 0 && base.has(row) && matrix.counts(row); };
-  const std::vector<Index>& largest = base.largest_rows();
+  const std::vector<Index>& largest = base.largest_rows(turned);
   const auto first = std::find_if(largest.begin(), largest.end(), stays);
   double most = first == largest.end() ? 0 : sums[at(*first)];
   if (first == largest.end())
@@ -120,7 +123,7 @@ double RowNorm::of(const ChangedMatrix& matrix, Base& base, const Border& border
   std::optional<Rows> changed;
   for (const Index e : rows) {
     if (bound_[at(e)] <= most) break;
-    if (!changed) changed.emplace(matrix, base, border);
+    if (!changed) changed.emplace(matrix, base, border, turned);
     most = std::max(most, changed->sum_of(e));
   }
   for (const Index e : list_) {

@@ -10,8 +10,9 @@ namespace espalier::changes {
 
 class RowNorm {
  public:
-  /// |M|_inf of the rows and columns that count, or a little less where changes touch thousands of rows.
-  double of(const ChangedMatrix& matrix, Base& base, const Border& border);
+  /// |M|_inf, or |M^T|_inf if `turned`, of the rows and columns that count, or a little less where changes touch
+  /// thousands of rows.
+  double of(const ChangedMatrix& matrix, Base& base, const Border& border, bool turned);
 
  private:
   std::vector<double> bound_;  // by entity, as the list below; zero between calls

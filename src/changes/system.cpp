@@ -127,8 +127,14 @@ void System::prepare() {
         fmt::format("the changed matrix is singular: so are the {} rows of its changes, condensed; constraints that "
                     "depend on others must go, or fold() tells whether a factorization finds it regular",
                     border_.active().size()));
-  norm_ = row_norm_.of(matrix_, base(), border_);
+  norms_[0] = norms_[1] = std::nullopt;
   stale_ = false;
+}
+
+double System::norm(bool turned) {
+  std::optional<double>& made = norms_[turned ? 1 : 0];
+  if (!made) made = row_norm_.of(matrix_, base(), border_, turned);
+  return *made;
 }
 
 void System::fold() {
@@ -175,7 +181,11 @@ void System::factorize_changed() {
     } else if (!own_->has_pattern(a)) {
       expect(own_->analyze_change(a).analysis.status);
     }
-    expect(own_->factorize(a).status);
+    const FactorResult factor = own_->factorize(a);
+    expect(factor.status);
+    if (factor.rank >= 0 && factor.rank < matrix_.entities())  // where singular matrices are no errors
+      throw Error(StatusCode::singular,
+                  fmt::format("the changed matrix is singular: it has rank {} of {}", factor.rank, matrix_.entities()));
   } catch (const Error&) {
     back_to_original();
     throw;
@@ -188,15 +198,16 @@ void System::factorize_changed() {
 }
 
 // The residual of the unknowns that count; those of low rank are what they must be, which x is told.
-MatrixXd System::residual(const MatrixXd& b, MatrixXd& x) {
+MatrixXd System::residual(const MatrixXd& b, MatrixXd& x, bool turned) {
   const auto columns = static_cast<Index>(b.cols());
   const Index m = base().order();
   for (Index e = matrix_.n(); e < matrix_.entities(); ++e) {
     if (!matrix_.auxiliary(e)) continue;
     const Item& item = matrix_.item(e);
+    const SparseVector& row = item.row_of(turned);
     for (Index c = 0; c < columns; ++c) {
       double sum = 0;
-      for (std::size_t q = 0; q < item.row.size(); ++q) sum += item.row.value[q] * x(item.row.place[q], c);
+      for (std::size_t q = 0; q < row.size(); ++q) sum += row.value[q] * x(row.place[q], c);
       x(e, c) = -sum / item.corner;
     }
   }
@@ -208,9 +219,9 @@ MatrixXd System::residual(const MatrixXd& b, MatrixXd& x) {
   for (std::size_t k = 0; k < border_.active().size(); ++k) {
     const Border::Member& u = border_.member(k);
     if (u.slack) continue;
+    const SparseVector& column = u.column_of(turned);
     for (Index c = 0; c < columns; ++c)
-      for (std::size_t q = 0; q < u.column.size(); ++q)
-        right(u.column.place[q], c) -= u.column.value[q] * x(u.entity, c);
+      for (std::size_t q = 0; q < column.size(); ++q) right(column.place[q], c) -= column.value[q] * x(u.entity, c);
   }
   double* const b_there = base().vectors(kGivenSlot, columns);
   double* const x_there = base().vectors(kFoundSlot, columns);
@@ -220,18 +231,20 @@ MatrixXd System::residual(const MatrixXd& b, MatrixXd& x) {
   std::vector<device::ResidualColumn> list;
   for (Index c = 0; c < columns; ++c)
     list.push_back({b_there + Offset{c} * m, x_there + Offset{c} * m, r_there + Offset{c} * m, {}});
-  base().space().compute(list, false);
+  base().space().compute(list, turned);
   base().fetch(right.data(), r_there, columns);
   MatrixXd r = MatrixXd::Zero(b.rows(), columns);
   r.topRows(m) = right;
   for (std::size_t k = 0; k < border_.active().size(); ++k) {
     const Border::Member& w = border_.member(k);
     if (w.slack) continue;
+    const SparseVector& row = w.row_of(turned);
     for (Index c = 0; c < columns; ++c) {
       double sum = b(w.entity, c);
-      for (std::size_t q = 0; q < w.row.size(); ++q) sum -= w.row.value[q] * inside(w.row.place[q], c);
+      for (std::size_t q = 0; q < row.size(); ++q) sum -= row.value[q] * inside(row.place[q], c);
       for (std::size_t j = 0; j < border_.active().size(); ++j)
-        if (!border_.member(j).slack) sum -= border_.corner(k, j) * x(border_.member(j).entity, c);
+        if (!border_.member(j).slack)
+          sum -= (turned ? border_.corner(j, k) : border_.corner(k, j)) * x(border_.member(j).entity, c);
       r(w.entity, c) = sum;
     }
   }
@@ -239,7 +252,9 @@ MatrixXd System::residual(const MatrixXd& b, MatrixXd& x) {
   return r;
 }
 
-MatrixXd System::substitute(const MatrixXd& r) {
+// The columns Z are those of A^-1 U. Of the transposed system, [A^T W^T; U^T D^T], there are none: it takes a second
+// sweep, x = A^-T (b - W^T t), in the place of products with them.
+MatrixXd System::substitute(const MatrixXd& r, bool turned) {
   const auto columns = static_cast<Index>(r.cols());
   const Index m = base().order();
   MatrixXd inside = r.topRows(m);
@@ -247,14 +262,25 @@ MatrixXd System::substitute(const MatrixXd& r) {
   double* const from = base().vectors(kGivenSlot, columns);
   double* const to = base().vectors(kFoundSlot, columns);
   base().send(from, inside.data(), columns);
-  base().substitute(from, to, columns);
+  base().substitute(from, to, columns, turned);
   MatrixXd t;
   if (!border_.active().empty()) {
-    MatrixXd right = -border_.rows_times(base(), to, columns);
+    MatrixXd right = -border_.rows_times(base(), to, columns, turned);
     for (std::size_t k = 0; k < border_.active().size(); ++k)
       if (!border_.member(k).slack) right.row(static_cast<Eigen::Index>(k)) += r.row(border_.member(k).entity);
-    t = border_.solve(right);
-    border_.subtract(base(), t, to);
+    t = border_.solve(right, turned);
+    if (!turned) border_.subtract(base(), t, to);
+  }
+  for (std::size_t k = 0; k < border_.active().size() && turned; ++k) {
+    const SparseVector& column = border_.member(k).column_of(turned);
+    for (Index c = 0; c < columns; ++c)
+      for (std::size_t q = 0; q < column.size(); ++q)
+        inside(column.place[q], c) -= column.value[q] * t(static_cast<Eigen::Index>(k), c);
+  }
+  if (turned && !border_.active().empty()) {
+    base().send(from, inside.data(), columns);
+    base().substitute(from, to, columns, turned);
+    cost_.changes += sweep_work(base(), columns);
   }
   base().fetch(inside.data(), to, columns);
   MatrixXd x = MatrixXd::Zero(r.rows(), columns);
@@ -271,7 +297,7 @@ void System::count_products(Index columns) {
       kProduct * static_cast<double>(border_.active().size()) * static_cast<double>(base().order()) * columns;
 }
 
-void System::solve_block(const double* given, double* to, Index columns, SolveResult& result) {
+void System::solve_block(const double* given, double* to, Index columns, bool turned, SolveResult& result) {
   const Options& o = original_.session().options;
   const Index unknowns = matrix_.unknowns();
   const bool plain = matrix_.plain() && unknowns == matrix_.entities();
@@ -283,16 +309,16 @@ void System::solve_block(const double* given, double* to, Index columns, SolveRe
   const auto errors_of = [&](const MatrixXd& r, const MatrixXd& x) {
     std::vector<double> errors;
     for (Index c = 0; c < columns; ++c) {
-      const double scale = norm_ * largest(x.col(c)) + largest(b.col(c)), rest = largest(r.col(c));
+      const double scale = norm(turned) * largest(x.col(c)) + largest(b.col(c)), rest = largest(r.col(c));
       const bool finite = std::isfinite(rest) && std::isfinite(scale);
       errors.push_back(!finite ? std::numeric_limits<double>::infinity() : rest == 0 ? 0 : rest / scale);
     }
     return errors;
   };
   const double start = base::now_seconds();
-  MatrixXd x = substitute(b);
+  MatrixXd x = substitute(b, turned);
   result.solve_seconds += base::now_seconds() - start;
-  MatrixXd r = residual(b, x);
+  MatrixXd r = residual(b, x, turned);
   count_products(columns);
   std::vector<double> errors = errors_of(r, x);
   std::vector<char> open(at(columns), 1);
@@ -306,8 +332,8 @@ void System::solve_block(const double* given, double* to, Index columns, SolveRe
     return any;
   };
   for (; steps < o.refinement_steps && any_open(); ++steps) {
-    MatrixXd better = x + substitute(r);
-    const MatrixXd left = residual(b, better);
+    MatrixXd better = x + substitute(r, turned);
+    const MatrixXd left = residual(b, better, turned);
     count_products(columns);
     const std::vector<double> now = errors_of(left, better);
     bool gained = false;
@@ -329,10 +355,11 @@ void System::solve_block(const double* given, double* to, Index columns, SolveRe
   for (const double e : errors) result.backward_error = std::max(result.backward_error, e);
 }
 
-void System::solve(const double* b, double* x, Index columns, SolveResult& result) {
+void System::solve(const double* b, double* x, Index columns, bool transpose, SolveResult& result) {
+  const bool turned = transpose && !symmetric(matrix_, original_);
   for (Index first = 0; first < columns; first += kSideBySide) {
     const Offset skipped = Offset{first} * matrix_.unknowns();
-    solve_block(b + skipped, x + skipped, std::min(kSideBySide, columns - first), result);
+    solve_block(b + skipped, x + skipped, std::min(kSideBySide, columns - first), turned, result);
   }
 }
 

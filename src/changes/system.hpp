@@ -39,7 +39,8 @@ class System {
   void prepare();
   void fold();
   /// b and x: unknowns x columns. @pre b is finite where it is read
-  void solve(const double* b, double* x, Index columns, SolveResult& result);
+  /// @param transpose  for the transposed matrix
+  void solve(const double* b, double* x, Index columns, bool transpose, SolveResult& result);
   [[nodiscard]] Inertia inertia();
 
  private:
@@ -49,9 +50,11 @@ class System {
   void update();
   void factorize_changed();
   void back_to_original();
-  void solve_block(const double* b, double* x, Index columns, SolveResult& result);
-  [[nodiscard]] Eigen::MatrixXd residual(const Eigen::MatrixXd& b, Eigen::MatrixXd& x);
-  [[nodiscard]] Eigen::MatrixXd substitute(const Eigen::MatrixXd& r);
+  // `turned`: of the transposed matrix, where that is another one.
+  void solve_block(const double* b, double* x, Index columns, bool turned, SolveResult& result);
+  [[nodiscard]] Eigen::MatrixXd residual(const Eigen::MatrixXd& b, Eigen::MatrixXd& x, bool turned);
+  [[nodiscard]] Eigen::MatrixXd substitute(const Eigen::MatrixXd& r, bool turned);
+  [[nodiscard]] double norm(bool turned);
   void count_products(Index columns);
 
   ChangedMatrix matrix_;
@@ -64,9 +67,9 @@ class System {
   std::set<Index> silent_;      // that do not count
   std::vector<Index> outside_;  // that the base does not have
   RowNorm row_norm_;
-  double norm_ = 0;
-  bool updated_ = false;  // the border is that of the matrix
-  bool stale_ = true;     // the matrix has changed since prepare()
+  std::optional<double> norms_[2];  // of the matrix, of its transpose
+  bool updated_ = false;            // the border is that of the matrix
+  bool stale_ = true;               // the matrix has changed since prepare()
   bool folds_ = true;
   bool refused_ = false;  // a factorization of its own has failed
   ChangeCost cost_;

@@ -1,19 +1,42 @@
+#include <utility>
+
 #include "espalier/factor_file.hpp"
 #include "solver/c_handle.hpp"
 #include "solver/c_results.hpp"
 
+using espalier::Storage;
 using espalier::solver::guarded;
 using espalier::solver::hand_out;
 using espalier::solver::require;
+
+namespace {
+
+// What a call needs to know of the solver that a file has made; the numbers of either sort.
+template <class Loaded, class Place>
+espalier::Status take(espalier_solver& s, Loaded loaded, Place& place, espalier_factor_info* info) {
+  s.solver.reset();
+  s.complex_solver.reset();
+  if (!loaded.result.status.ok()) return loaded.result.status;
+  auto& solver = place.emplace(std::move(loaded.solver));
+  s.by_rows = loaded.by_rows;
+  s.transposed = loaded.by_rows && loaded.storage == Storage::general;
+  s.conjugated = loaded.by_rows && loaded.storage >= Storage::hermitian_lower;
+  s.rows = s.vector_rows = static_cast<espalier::Index>(solver.rows().count);
+  s.nonzeros = static_cast<espalier::Offset>(solver.values().size());
+  hand_out(loaded.result, info);
+  const espalier::Status status = loaded.result.status;
+  s.null_space = espalier::solver::null_space_of(std::move(loaded.result), s.by_rows);
+  return status;
+}
+
+}  // namespace
 
 extern "C" {
 
 int espalier_save_factor(espalier_solver* solver, const char* path) {
   return guarded(solver, [&](espalier_solver& s) -> espalier::Status {
     require(path != nullptr, "the path is null");
-    require(!s.complex_solver, "factors of complex matrices cannot be saved");
-    require(s.solver && s.solver->state() == espalier::Solver::State::factorized, "call espalier_factorize first");
-    return espalier::save_factor(*s.solver, path, s.transposed);
+    return espalier::solver::with_factorized(s, [&](auto& cpp) { return espalier::save_factor(cpp, path, s.by_rows); });
   });
 }
 
@@ -21,22 +44,12 @@ int espalier_load_factor(espalier_solver* solver, const char* path, espalier_fac
   return guarded(solver, [&](espalier_solver& s) -> espalier::Status {
     require(path != nullptr, "the path is null");
     require(s.ranks.size() <= 1, "a factor is loaded by one process");
-    espalier::LoadedFactor loaded = espalier::load_factor(path, espalier::solver::make_solver(s).options());
-    espalier::solver::NullSpace none;
-    s.null_space = std::move(none);
-    s.complex_solver.reset();
-    if (!loaded.result.status.ok()) {
-      s.solver.reset();
-      return loaded.result.status;
-    }
-    s.solver.emplace(std::move(loaded.solver));
-    s.transposed = loaded.transposed;
-    s.conjugated = false;
-    s.by_rows = loaded.transposed;
-    s.rows = s.vector_rows = static_cast<espalier::Index>(s.solver->rows().count);
-    s.nonzeros = static_cast<espalier::Offset>(s.solver->values().size());
-    hand_out(loaded.result, info);
-    return loaded.result.status;
+    const espalier::Options options = espalier::solver::make_solver(s).options();
+    s.solver.reset();
+    s.null_space = {};
+    if (espalier::is_complex_factor(path))
+      return take(s, espalier::load_complex_factor(path, options), s.complex_solver, info);
+    return take(s, espalier::load_factor(path, options), s.solver, info);
   });
 }
 }

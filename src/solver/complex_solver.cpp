@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "matrix/validate.hpp"
+#include "solver/complex_results.hpp"
 #include "solver/part_calls.hpp"
 #include "solver/session_calls.hpp"
 #include "solver/solution.hpp"
@@ -13,6 +14,8 @@
 
 namespace espalier {
 
+using solver::complex_result;
+using solver::numbers_of;
 using solver::Session;
 
 namespace {
@@ -21,31 +24,6 @@ using Value = ComplexSolver::Value;
 
 std::span<const double> parts_of(std::span<const Value> values) {
   return {reinterpret_cast<const double*>(values.data()), 2 * values.size()};
-}
-
-std::vector<Value> numbers_of(const std::vector<double>& parts) {
-  const Value* first = base::as_complex(parts.data());
-  return {first, first + parts.size() / 2};
-}
-
-// A^T of a Hermitian matrix is its conjugate, and so are the vectors of its left null space.
-std::vector<Value> left_null_vectors(const solver::Analysis& a, const std::vector<double>& null,
-                                     const std::vector<double>& left) {
-  if (a.kind() == Kind::lu || a.system->numbers() != base::Numbers::hermitian) return numbers_of(left);
-  std::vector<double> turned(null);
-  solver::conjugate(turned.data(), static_cast<Offset>(turned.size() / 2));
-  return numbers_of(turned);
-}
-
-ComplexFactorResult complex_result(FactorResult from, const solver::Factor& factor) {
-  ComplexFactorResult r;
-  const std::vector<double> null = std::move(from.null_vectors), left = std::move(from.left_null_vectors);
-  const Value phase = from.determinant_sign == 0 ? 0 : factor.determinant_phase();
-  static_cast<FactorReport&>(r) = std::move(from);
-  r.determinant_phase = phase;
-  r.null_vectors = numbers_of(null);
-  r.left_null_vectors = left_null_vectors(*factor.analysis(), null, left);
-  return r;
 }
 
 // op(A) X = B for vectors of the whole system; x may be b.

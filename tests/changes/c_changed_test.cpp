@@ -86,7 +86,7 @@ TEST(CChanged, RowsComeAndGo) {
     }
     espalier_solve_info info{};
     info.size = sizeof info;
-    ASSERT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 31, 1, &info), ESPALIER_OK)
+    ASSERT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 31, 1, ESPALIER_NO_TRANSPOSE, &info), ESPALIER_OK)
         << espalier_last_error(solver.s);
     EXPECT_LT(info.backward_error, 1e-14);
     for (Index v = 0; v < 31; ++v) EXPECT_NEAR(x[at(v)], v == 9 ? 0 : truth[at(kept(v))], 1e-10) << v;
@@ -101,8 +101,80 @@ TEST(CChanged, RowsComeAndGo) {
   EXPECT_GT(cost.factorization, 0);
 }
 
+// Unsymmetric, by columns and by rows: every change, and solves with A and A^T. Truth: the dense matrix.
+TEST(CChanged, TransposesOfEitherLayout) {
+  constexpr Index n = 24;
+  SparseMatrix a =
+      reference::stored_as(reference::random_system(n, 4, reference::Values::positive, 5), Storage::general);
+  for (Index c = 0; c < n; ++c)  // unsymmetric; regular without a row and a column
+    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
+      if (a.row_ind[at(q)] > c) a.values[at(q)] *= 0.3;
+  const SparseMatrix by_rows = [&] {
+    std::vector<reference::Triple> t;
+    for (Index c = 0; c < n; ++c)
+      for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
+        t.push_back({c, a.row_ind[at(q)], a.values[at(q)]});
+    return reference::from_triples(n, t, Storage::general);
+  }();
+  constexpr Index all = n + 2;
+  for (const int layout : {ESPALIER_CSC, ESPALIER_CSR}) {
+    CSolver solver(layout == ESPALIER_CSC ? a : by_rows, ESPALIER_GENERAL, layout);
+    ASSERT_EQ(espalier_changed_create(solver.s, &solver.c), ESPALIER_OK) << espalier_last_error(solver.s);
+    std::vector<double> dense(at(all) * at(all), 0.0);
+    const std::vector<double> of_a = reference::dense(a);
+    const auto entry = [&](Index r, Index c) -> double& { return dense[at(c) * at(all) + at(r)]; };
+    for (Index c = 0; c < n; ++c)
+      for (Index r = 0; r < n; ++r) entry(r, c) = of_a[at(c) * at(n) + at(r)];
+    const std::int64_t begin[3] = {0, 2, 4}, rows[4] = {4, 20, 1, 7}, other_rows[4] = {3, 9, 11, 2};
+    const double values[4] = {1, -1, 0.5, 2}, other_values[4] = {2, 0.25, -1, 3};
+    const double corner[4] = {-0.5, 0.3, 0.7, 2};  // by columns
+    const espalier_columns two{2, begin, rows, values}, others{2, begin, other_rows, other_values};
+    ASSERT_EQ(espalier_changed_add_low_rank(solver.c, &two, corner, &others), ESPALIER_OK);
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j)
+        for (int p = 2 * i; p < 2 * i + 2; ++p)
+          for (int q = 2 * j; q < 2 * j + 2; ++q)
+            entry(static_cast<Index>(rows[p]), static_cast<Index>(other_rows[q])) +=
+                values[p] * corner[2 * j + i] * other_values[q];
+    ASSERT_EQ(espalier_changed_add(solver.c, &two, &others, corner), ESPALIER_OK) << espalier_last_error(solver.s);
+    for (int i = 0; i < 2; ++i) {
+      for (int p = 2 * i; p < 2 * i + 2; ++p) {
+        entry(static_cast<Index>(rows[p]), n + i) = values[p];
+        entry(n + i, static_cast<Index>(other_rows[p])) = other_values[p];
+      }
+      for (int j = 0; j < 2; ++j) entry(n + i, n + j) = corner[2 * j + i];
+    }
+    const std::int64_t replaced[1] = {5}, column_begin[2] = {0, 3}, column_rows[3] = {5, 8, 24}, row_begin[2] = {0, 1},
+                       row_rows[1] = {12};
+    const double column_values[3] = {4, 1, -2}, row_values[1] = {1.5};
+    const espalier_columns column{1, column_begin, column_rows, column_values}, row{1, row_begin, row_rows, row_values};
+    ASSERT_EQ(espalier_changed_replace(solver.c, replaced, 1, &column, &row), ESPALIER_OK);
+    for (Index k = 0; k < all; ++k) entry(k, 5) = entry(5, k) = 0;
+    for (int k = 0; k < 3; ++k) entry(static_cast<Index>(column_rows[k]), 5) = column_values[k];
+    entry(5, 12) = 1.5;
+    for (const bool folds : {false, true})
+      for (const int t : {ESPALIER_NO_TRANSPOSE, ESPALIER_TRANSPOSE, ESPALIER_CONJUGATE_TRANSPOSE}) {
+        if (folds) {
+          ASSERT_EQ(espalier_changed_fold(solver.c), ESPALIER_OK) << espalier_last_error(solver.s);
+        }
+        const std::vector<double> b = reference::random_vector(all, 5);
+        std::vector<double> x(b.size());
+        espalier_solve_info info{};
+        info.size = sizeof info;
+        ASSERT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), all, 1, t, &info), ESPALIER_OK)
+            << espalier_last_error(solver.s);
+        EXPECT_LT(info.backward_error, 1e-14);
+        for (Index r = 0; r < all; ++r) {
+          double sum = -b[at(r)];
+          for (Index c = 0; c < all; ++c) sum += (t == ESPALIER_NO_TRANSPOSE ? entry(r, c) : entry(c, r)) * x[at(c)];
+          EXPECT_NEAR(sum, 0, 1e-10) << "layout " << layout << ", transpose " << t << ", row " << r;
+        }
+      }
+  }
+}
+
 TEST(CChanged, MisuseIsSaid) {
-  EXPECT_EQ(espalier_changed_solve(nullptr, nullptr, nullptr, 0, 1, nullptr), ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_changed_solve(nullptr, nullptr, nullptr, 0, 1, ESPALIER_NO_TRANSPOSE, nullptr), ESPALIER_MISUSE);
   const SparseMatrix a = reference::random_system(10, 3, reference::Values::positive, 1);
   CSolver solver(a);
   EXPECT_EQ(espalier_changed_create(solver.s, nullptr), ESPALIER_MISUSE);
@@ -114,15 +186,19 @@ TEST(CChanged, MisuseIsSaid) {
   EXPECT_EQ(espalier_changed_remove(solver.c, nullptr, 1), ESPALIER_MISUSE);
   EXPECT_EQ(espalier_changed_add(solver.c, nullptr, nullptr, nullptr), ESPALIER_MISUSE);
   std::vector<double> b(10, 1.0), x(10);
-  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 9, 1, nullptr), ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 9, 1, ESPALIER_NO_TRANSPOSE, nullptr),
+            ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, 3, nullptr), ESPALIER_MISUSE);
   b[2] = std::nan("");
-  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, nullptr), ESPALIER_INVALID_INPUT);
+  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, ESPALIER_NO_TRANSPOSE, nullptr),
+            ESPALIER_INVALID_INPUT);
   EXPECT_EQ(espalier_last_error_row(solver.s), 2);
   ASSERT_EQ(espalier_refactorize(solver.s, a.values.data(), a.nonzeros(), nullptr), ESPALIER_OK);
   b[2] = 1;
-  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, nullptr), ESPALIER_MISUSE);
+  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, ESPALIER_NO_TRANSPOSE, nullptr),
+            ESPALIER_MISUSE);
   ASSERT_EQ(espalier_changed_reset(solver.c), ESPALIER_OK);
-  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, nullptr), ESPALIER_OK);
+  EXPECT_EQ(espalier_changed_solve(solver.c, b.data(), x.data(), 10, 1, ESPALIER_NO_TRANSPOSE, nullptr), ESPALIER_OK);
 }
 
 }  // namespace

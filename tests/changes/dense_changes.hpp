@@ -1,5 +1,5 @@
 /// \file
-/// A dense matrix that is changed beside the object under test.
+/// A dense matrix that is changed beside the object under test, and columns of entries for that.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -46,6 +47,31 @@ struct Dense {
   }
 };
 
+/// Columns of entries, with the rows of each in a random order and one of them in two parts.
+struct Entries {
+  std::vector<Offset> ptr{0};
+  std::vector<Index> rows;
+  std::vector<double> values;
+
+  void put(const std::vector<double>& column, std::uint64_t seed) {
+    std::vector<Index> order;
+    for (std::size_t i = 0; i < column.size(); ++i)
+      if (column[i] != 0) order.push_back(static_cast<Index>(i));
+    std::shuffle(order.begin(), order.end(), std::mt19937_64(seed));
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      const double v = column[at(order[k])];
+      rows.push_back(order[k]);
+      values.push_back(k == 0 ? v / 2 : v);
+    }
+    if (!order.empty()) {
+      rows.push_back(order.front());
+      values.push_back(column[at(order.front())] / 2);
+    }
+    ptr.push_back(static_cast<Offset>(rows.size()));
+  }
+  [[nodiscard]] SparseColumns columns() const { return {ptr, rows, values}; }
+};
+
 inline Solver factorized(const SparseMatrix& a, Kind kind, const std::string& device = "cpu") {
   Options o;
   o.device = device;
@@ -57,17 +83,19 @@ inline Solver factorized(const SparseMatrix& a, Kind kind, const std::string& de
   return s;
 }
 
-inline void expect_solves(ChangedSystem& changed, Dense& dense, const std::vector<Index>& removed, bool symmetric) {
-  ASSERT_EQ(changed.size(), dense.n);
+// A x = b or A^T x = b, by the residual with the dense matrix; whether there was a solution.
+inline bool solves(ChangedSystem& changed, Dense& dense, const std::vector<Index>& removed, Transpose transpose) {
+  EXPECT_EQ(changed.size(), dense.n);
   const SparseMatrix left = dense.without(removed);
   const std::vector<double> b = reference::random_vector(2 * dense.n, 3);
   std::vector<double> x(b);
-  const SolveResult r = changed.solve(x, x, 2);
+  const SolveResult r = changed.solve(x, x, 2, transpose);
   if (r.status.code == StatusCode::singular) {
     EXPECT_TRUE(reference::determinant(left).sign == 0 || !(reference::condition(left) < 1e13));
-    return;
+    return false;
   }
-  ASSERT_TRUE(r.status.ok()) << r.status.message;
+  EXPECT_TRUE(r.status.ok()) << r.status.message;
+  if (!r.status.ok()) return false;
   std::vector<double> b_left, x_left;
   for (Index c = 0; c < 2; ++c)
     for (Index v = 0; v < dense.n; ++v) {
@@ -79,10 +107,17 @@ inline void expect_solves(ChangedSystem& changed, Dense& dense, const std::vecto
       b_left.push_back(b[k]);
       x_left.push_back(x[k]);
     }
-  const double error = reference::backward_error(left, b_left, x_left, 2);
+  const double error = reference::backward_error(left, b_left, x_left, 2, transpose != Transpose::no);
   EXPECT_LE(error, 100 * kEps);
   EXPECT_GE(r.backward_error, error / 4 - kEps) << "the reported error is too small";
   EXPECT_LE(r.backward_error, 10 * error + 4 * kEps);
+  return true;
+}
+
+inline void expect_solves(ChangedSystem& changed, Dense& dense, const std::vector<Index>& removed, bool symmetric) {
+  if (!solves(changed, dense, removed, Transpose::no)) return;
+  if (!solves(changed, dense, removed, Transpose::yes)) return;
+  const SparseMatrix left = dense.without(removed);
   const Inertia inertia = changed.inertia();
   if (!symmetric && inertia.positive == -1) return;
   Dense of_left(left);

@@ -2,10 +2,16 @@
 // itself, of which every sort of byte is changed.
 #include "espalier/factor_file.hpp"
 
-#include <cstdio>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <complex>
+#include <csignal>
 #include <filesystem>
 #include <fstream>
 
+#include "solver/complex_common.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {
@@ -84,6 +90,151 @@ TEST_F(FactorFile, ALoadedFactorSolvesToTheSameBits) {
     }
 }
 
+// Kinds, storages, precisions; the right-hand sides in several columns.
+TEST_F(FactorFile, ComplexFactorsSolveToTheSameBits) {
+  using Value = std::complex<double>;
+  const Index n = 60;
+  struct Case {
+    test::Sort sort;
+    Storage storage;
+    Kind kind;
+  };
+  const std::vector<Case> cases{{test::Sort::definite, Storage::hermitian_lower, Kind::llt},
+                                {test::Sort::definite, Storage::hermitian_upper, Kind::automatic},
+                                {test::Sort::hermitian, Storage::hermitian_both, Kind::ldlt},
+                                {test::Sort::hermitian, Storage::general, Kind::automatic},
+                                {test::Sort::hermitian, Storage::hermitian_lower, Kind::lu},
+                                {test::Sort::symmetric, Storage::symmetric_lower, Kind::ldlt},
+                                {test::Sort::symmetric, Storage::general, Kind::automatic},
+                                {test::Sort::general, Storage::general, Kind::lu}};
+  int number = 0;
+  for (const auto& [sort, storage, kind] : cases)
+    for (const Precision precision : {Precision::fp64, Precision::mixed}) {
+      SCOPED_TRACE(testing::Message() << "case " << number << ", precision " << static_cast<int>(precision));
+      const test::Dense dense = test::random_dense(n, sort, static_cast<unsigned>(++number));
+      const ComplexSparseMatrix a = test::sparse(dense, storage);
+      Options o;
+      o.device = "cpu";
+      o.kind = kind;
+      o.precision = precision;
+      o.threads = 1;
+      ComplexSolver before(o);
+      ASSERT_TRUE(before.analyze(a).status.ok());
+      const ComplexFactorResult factor = before.factorize(a);
+      ASSERT_TRUE(factor.status.ok()) << factor.status.message;
+      ASSERT_TRUE(save_factor(before, path_).ok());
+      EXPECT_TRUE(is_complex_factor(path_));
+      Options others;
+      others.device = "cpu";
+      others.threads = 3;
+      LoadedComplexFactor after = load_complex_factor(path_, others);
+      ASSERT_TRUE(after.result.status.ok()) << after.result.status.message;
+      EXPECT_TRUE(after.restored);
+      EXPECT_EQ(after.solver.analysis().kind, before.analysis().kind);
+      EXPECT_EQ(after.result.inertia.negative, factor.inertia.negative);
+      EXPECT_EQ(after.result.determinant_phase, factor.determinant_phase);
+      EXPECT_EQ(after.solver.state(), Solver::State::factorized);
+      std::vector<Value> b(static_cast<std::size_t>(3 * n)), x(b.size()), y(b.size());
+      for (std::size_t k = 0; k < b.size(); ++k) b[k] = {std::sin(1.0 + k), std::cos(2.0 * k)};
+      for (const Transpose how : {Transpose::no, Transpose::yes, Transpose::conjugate}) {
+        EXPECT_TRUE(before.solve(b, x, 3, how).status.ok());
+        EXPECT_TRUE(after.solver.solve(b, y, 3, how).status.ok());
+        EXPECT_EQ(x, y) << static_cast<int>(how);
+        const Eigen::Map<const test::Dense> solution(y.data(), n, 3), right(b.data(), n, 3);
+        const test::Dense op = how == Transpose::no    ? dense
+                               : how == Transpose::yes ? test::Dense(dense.transpose())
+                                                       : test::Dense(dense.adjoint());
+        EXPECT_LE((op * solution - right).norm(), 1e-12 * (op.norm() * solution.norm() + right.norm()));
+      }
+      // It goes on as any other, and the matrix is the one that was saved.
+      const ComplexSparseMatrix own = factorized_matrix(after.solver);
+      EXPECT_TRUE(after.solver.has_pattern(own));
+      EXPECT_TRUE(after.solver.factorize(own).status.ok());
+      EXPECT_TRUE(after.solver.solve(b, y, 3, Transpose::conjugate).status.ok());
+      EXPECT_EQ(x, y);
+    }
+}
+
+// On the devices of several on the host, and where complex systems are factorized as real ones.
+TEST_F(FactorFile, OtherFormsAreMadeAgainOrTaken) {
+  const test::Dense dense = test::random_dense(40, test::Sort::hermitian, 3);
+  const ComplexSparseMatrix a = test::sparse(dense, Storage::hermitian_lower);
+  const auto solved_by = [&](ComplexSolver& s) {
+    std::vector<std::complex<double>> b(40, {1, 2}), x(40);
+    EXPECT_TRUE(s.solve(b, x).status.ok());
+    const Eigen::Map<const Eigen::VectorXcd> solution(x.data(), 40);
+    EXPECT_LE((dense * solution - Eigen::VectorXcd::Constant(40, {1, 2})).norm(), 1e-11);
+  };
+  for (const char* from : {"cpu", "host:2"})
+    for (const char* to : {"cpu", "host:2"}) {
+      Options o = test::two_threads();
+      o.device = from;
+      ComplexSolver before(o);
+      ASSERT_TRUE(before.analyze(a).status.ok());
+      ASSERT_TRUE(before.factorize(a).status.ok());
+      ASSERT_TRUE(save_factor(before, path_).ok());
+      o.device = to;
+      LoadedComplexFactor after = load_complex_factor(path_, o);
+      ASSERT_TRUE(after.result.status.ok()) << from << to << after.result.status.message;
+      solved_by(after.solver);
+    }
+  const test::AsRealForm real_form;
+  Options o = test::two_threads();
+  o.device = "cpu";
+  LoadedComplexFactor after = load_complex_factor(path_, o);
+  ASSERT_TRUE(after.result.status.ok()) << after.result.status.message;
+  EXPECT_FALSE(after.restored);
+  solved_by(after.solver);
+  ASSERT_TRUE(save_factor(after.solver, path_).ok());
+  LoadedComplexFactor again = load_complex_factor(path_, o);
+  ASSERT_TRUE(again.result.status.ok()) << again.result.status.message;
+  solved_by(again.solver);
+}
+
+TEST_F(FactorFile, TheSortOfNumbersIsSaid) {
+  (void)saved(test::generated({"plate", "6", "6"}), test::two_threads());
+  EXPECT_FALSE(is_complex_factor(path_));
+  const Status real = load_complex_factor(path_).result.status;
+  EXPECT_EQ(real.code, StatusCode::invalid_input);
+  EXPECT_NE(real.message.find("its matrix is real"), std::string::npos) << real.message;
+  ComplexSolver s(test::two_threads());
+  const ComplexSparseMatrix a = test::sparse(test::random_dense(9, test::Sort::general, 1), Storage::general);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  EXPECT_THROW((void)save_factor(s, path_), std::logic_error);
+  EXPECT_THROW((void)factorized_matrix(s), std::logic_error);
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  ASSERT_TRUE(save_factor(s, path_).ok());
+  const Status complex = load_factor(path_).result.status;
+  EXPECT_EQ(complex.code, StatusCode::invalid_input);
+  EXPECT_NE(complex.message.find("its matrix is complex"), std::string::npos) << complex.message;
+  write(std::vector<char>(20, 'x'));
+  EXPECT_THROW((void)is_complex_factor(path_), Error);
+}
+
+// A general matrix whose values are symmetric is known as it was given; what is stored twice is summed.
+TEST_F(FactorFile, TheMatrixIsThatOfTheSolver) {
+  const SparseMatrix lower = test::generated({"elasticity", "3"});
+  const SparseMatrix general = reference::stored_as(lower, Storage::general);
+  Options options = test::two_threads();
+  options.device = "cpu";
+  (void)saved(general, options);
+  LoadedFactor after = load_factor(path_, options);
+  ASSERT_TRUE(after.result.status.ok()) << after.result.status.message;
+  EXPECT_EQ(after.storage, Storage::general);
+  EXPECT_EQ(after.solver.analysis().kind, Kind::llt);
+  EXPECT_TRUE(after.solver.has_pattern(general));
+  EXPECT_EQ(factorized_matrix(after.solver).values, general.values);
+  EXPECT_TRUE(after.solver.factorize(general).status.ok());
+  const SparseMatrix twice = reference::stored_as(lower, Storage::symmetric_lower, true);
+  ASSERT_GT(twice.nonzeros(), lower.nonzeros());
+  (void)saved(twice, options);
+  LoadedFactor summed = load_factor(path_, options);
+  ASSERT_TRUE(summed.result.status.ok()) << summed.result.status.message;
+  EXPECT_EQ(factorized_matrix(summed.solver).nonzeros(),
+            reference::stored_as(lower, Storage::symmetric_lower).nonzeros());
+  test::expect_small_error(summed.solver, lower);
+}
+
 // Fronts of another layout: the numbers of the file do not fit, and are made again.
 TEST_F(FactorFile, WhatDoesNotFitIsMadeAgain) {
   const SparseMatrix a = test::generated({"elasticity", "7"});
@@ -153,6 +304,43 @@ TEST_F(FactorFile, AFileThatCannotBeWrittenLeavesTheOldOne) {
   EXPECT_EQ(bytes(), good);
   EXPECT_TRUE(save_factor(s, path_).ok());
   EXPECT_EQ(bytes().size(), good.size());
+}
+
+// A limit of file sizes stands for a full disk; a writer that is killed leaves the old file, too.
+TEST_F(FactorFile, AFullDiskAndADeathLeaveTheOldFile) {
+  const SparseMatrix a = test::generated({"elasticity", "7"});
+  Options options = test::two_threads();
+  options.device = "cpu";
+  (void)saved(a, options);
+  const std::vector<char> good = bytes();
+  const auto in_child = [&](const auto& body) {
+    const pid_t child = ::fork();
+    if (child == 0) ::_exit(body() ? 0 : 1);
+    int how = 0;
+    EXPECT_EQ(::waitpid(child, &how, 0), child);
+    return how;
+  };
+  Solver s(options);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  const int refused = in_child([&] {
+    std::signal(SIGXFSZ, SIG_IGN);
+    const rlimit limit{good.size() / 2, good.size() / 2};
+    if (::setrlimit(RLIMIT_FSIZE, &limit) != 0) return false;
+    const Status status = save_factor(s, path_);
+    return status.code == StatusCode::invalid_input && status.message.find(path_) != std::string::npos;
+  });
+  EXPECT_TRUE(WIFEXITED(refused) && WEXITSTATUS(refused) == 0);
+  EXPECT_EQ(bytes(), good);
+  const int killed = in_child([&] {
+    const rlimit limit{good.size() / 2, good.size() / 2};  // SIGXFSZ ends it in the middle of the file
+    if (::setrlimit(RLIMIT_FSIZE, &limit) != 0) return false;
+    return save_factor(s, path_).ok();
+  });
+  EXPECT_TRUE(WIFSIGNALED(killed));
+  EXPECT_EQ(bytes(), good);
+  EXPECT_TRUE(load_factor(path_, options).restored);
+  EXPECT_TRUE(save_factor(s, path_).ok());
 }
 
 }  // namespace

@@ -282,6 +282,9 @@ void Sequence<T>::step(Actor<T>& a, int which) {
       return change_around(a);
     case 24:
       return device_arrays(a);
+    case 25:
+    case 26:
+      return saved(a);
     default:
       return check(a);
   }

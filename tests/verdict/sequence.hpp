@@ -37,7 +37,7 @@ class Sequence {
   SequenceVerdict run(int calls);
 
  private:
-  static constexpr int kSteps = 27;
+  static constexpr int kSteps = 29;
 
   std::size_t below(std::size_t n) { return static_cast<std::size_t>(random_() % std::max<std::uint64_t>(1, n)); }
   double number(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
@@ -110,6 +110,8 @@ class Sequence {
   // Rows and columns around the factor; once there is another factor, they are refused until they know it.
   void change_around(Actor<T>& a);
 
+  // On file and back, with other threads and devices; sometimes the sequence goes on with what was loaded.
+  void saved(Actor<T>& a);
   // Arrays of the host are refused, and nothing has changed.
   void device_arrays(Actor<T>& a);
 

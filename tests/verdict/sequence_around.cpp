@@ -1,8 +1,13 @@
 // What is worked out with the factor of a sequence beside whole solutions.
+#include <unistd.h>
+
 #include <cmath>
+#include <cstring>
+#include <filesystem>
 #include <stdexcept>
 
 #include "espalier/changed_system.hpp"
+#include "espalier/factor_file.hpp"
 #include "espalier/inverse.hpp"
 #include "espalier/solve_rows.hpp"
 #include "verdict/sequence.hpp"
@@ -138,7 +143,12 @@ void Sequence<T>::change_around(Actor<T>& a) {
       m[p * n + p] = 1;
     }
     const auto judge = [&](const char* what) {
-      const ChangedSolveResult r = around.solve(b, x);
+      const bool turned = below(2) == 0;
+      if (below(4) == 0) (void)around.fold();  // where it fails, changes stand as before
+      const ChangedSolveResult r = around.solve(b, x, 1, turned ? Transpose::yes : Transpose::no);
+      if (turned)
+        for (std::size_t j = 0; j < n; ++j)
+          for (std::size_t i = 0; i < j; ++i) std::swap(m[j * n + i], m[i * n + j]);
       for (std::size_t k = 0; k < n; ++k)
         if (m[k * n + k] == 1 && around.removed(static_cast<Index>(k))) b[k] = 0;
       // What is left may be singular where nothing says that it is definite.
@@ -167,6 +177,76 @@ void Sequence<T>::change_around(Actor<T>& a) {
     m = dense(a);
     judge("no changes around the new factor");
   }
+}
+
+// The last values and their bits, whatever becomes of the solver that was saved.
+template <class T>
+void Sequence<T>::saved(Actor<T>& a) {
+  last_ = "save_factor";
+  const std::string path =
+      (std::filesystem::temp_directory_path() / ("espalier-saved-" + std::to_string(::getpid()))).string();
+  if (a.factored.empty() || a.solver.state() != SolverOf<T>::State::factorized) {
+    try {
+      (void)save_factor(a.solver, path);
+      if (a.solver.state() != SolverOf<T>::State::factorized) wrong("saved what is not there");
+    } catch (const std::logic_error&) {
+      ++out_.errors;
+    }
+    std::filesystem::remove(path);
+    return;
+  }
+  if (!save_factor(a.solver, path).ok()) return wrong("a factor cannot be saved");
+  Options o = options_;
+  o.threads = 1 + static_cast<int>(below(3));
+  if (below(3) == 0) o.device = "cpu";
+  const bool same_device = o.device == a.solver.options().device;
+  LoadedFactorOf<T> loaded = [&] {
+    if constexpr (std::is_same_v<T, double>)
+      return load_factor(path, o);
+    else
+      return load_complex_factor(path, o);
+  }();
+  std::filesystem::remove(path);
+  if (!loaded.result.status.ok()) {
+    // Fronts of another layout are factorized again, and FP32 may not do for the matrix then.
+    if (a.solver.options().precision == Precision::fp64) wrong("load_factor: " + loaded.result.status.message);
+    return;
+  }
+  const std::vector<T> of_saved = a.factored;
+  const MatrixOf<T> matrix = a.matrix;
+  std::vector<T> b(static_cast<std::size_t>(matrix.rows)), x(b.size()), y(b.size());
+  for (T& v : b) v = value(-1, 1);
+  const Transpose how = below(2) == 0 ? Transpose::no : Transpose::yes;
+  if (a.regular) {
+    if (!a.solver.solve(b, x, 1, how).status.ok()) return wrong("solve beside a saved factor");
+    if (below(2) == 0) {  // it has nothing to do with the solver any more
+      std::vector<T> values = other_values(matrix, a.factored);
+      const auto result = a.solver.refactorize(values);
+      factored(a, result, std::move(values), "refactorize beside a saved factor");
+      last_ = "load_factor";
+    }
+    if (!loaded.solver.solve(b, y, 1, how).status.ok()) return wrong("a loaded factor does not solve");
+    ++out_.solutions;
+    MatrixOf<T> truth = matrix;
+    truth.values = of_saved;
+    const bool poor = sort_ == 3 && !a.solver.options().matching;
+    const double bound = a.solver.options().precision != Precision::fp64 ? 2e-3 : 1e-8;
+    const double error = backward_error<T>(truth, b, y, 1, how);
+    if (!poor && !(error <= bound) && !(error <= 10 * backward_error<T>(truth, b, x, 1, how)))
+      return wrong("a loaded factor is of other values: " + std::to_string(error));
+    if (loaded.restored && same_device) {
+      ++out_.bits;
+      if (std::memcmp(x.data(), y.data(), x.size() * sizeof(T)) != 0) return wrong("other bits from a loaded factor");
+    }
+  }
+  if (below(2) == 0 || !a.regular) return;
+  a.solver = std::move(loaded.solver);
+  a.matrix = factorized_matrix(a.solver);
+  a.factored = a.matrix.values;
+  a.fresh.reset();  // factors of the same order, not of the same history
+  a.moved_pivots = true;
+  plan_changed_ = false;
+  check(a);
 }
 
 template <class T>
