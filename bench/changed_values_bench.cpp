@@ -4,7 +4,9 @@
 // in the place of elasticity.
 // Changed are the entries of one element at the surface, or all of a 64th or an eighth of the body, at a corner.
 // Seconds are medians of calls that take turns, with all values and with the changed entries alone; the work is that of
-// the fronts that were made, over that of all. Both factors' solutions must be the same to the last bit.
+// the fronts that were made, over that of all. Both factors' solutions must be the same to the last bit; with budgets
+// (host_memory=200MiB scratch=/var/tmp, or device=host:1 device_memory=200MiB) trees are cut otherwise where fronts are
+// kept, so that it is a new solver with the same options that must have the same bits.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -55,6 +57,7 @@ class Pair {
     whole_ = std::make_unique<Solver>(options);
     options.partial_refactorization = true;
     partial_ = std::make_unique<Solver>(options);
+    options_ = options;
     check(whole_->analyze(a).status);
     check(partial_->analyze(a).status);
     check(whole_->factorize(a).status);
@@ -74,11 +77,10 @@ class Pair {
       for (const Offset q : places) some.push_back(values[static_cast<std::size_t>(q)]);
       of_entries.push_back(seconds_of([&] { share = share_of(partial_->refactorize_entries(places, some)); }));
     }
-    check(whole_->refactorize(values).status);
     const std::vector<double> b(static_cast<std::size_t>(a_.cols), 1.0);
-    std::vector<double> x(b.size()), y(b.size());
-    check(whole_->solve(b, x).status);
+    std::vector<double> y(b.size());
     check(partial_->solve(b, y).status);
+    const std::vector<double> x = truth(values, b);
     const bool same = std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0;
     const double all = median(of_whole), part = median(of_partial), entries = median(of_entries);
     fmt::print(
@@ -88,10 +90,40 @@ class Pair {
         static_cast<double>(partial_->analysis().predicted_bytes) /
             static_cast<double>(whole_->analysis().predicted_bytes),
         same ? "same bits" : "OTHER BITS");
+    print_disk(values, places);
     if (!same) throw std::runtime_error("the solutions differ");
   }
 
  private:
+  std::vector<double> truth(const std::vector<double>& values, const std::vector<double>& b) {
+    std::vector<double> x(b.size());
+    const bool budgeted = options_.host_memory_bytes > 0 || options_.device_memory_bytes > 0;
+    std::unique_ptr<Solver> made;
+    if (budgeted) {
+      made = std::make_unique<Solver>(options_);
+      check(made->analyze(a_).status);
+    }
+    Solver& solver = budgeted ? *made : *whole_;
+    check(solver.refactorize(values).status);
+    check(solver.solve(b, x).status);
+    return x;
+  }
+  // What goes to the disk, of both.
+  void print_disk(std::vector<double> values, const std::vector<Offset>& places) {
+    if (options_.scratch.empty()) return;
+    change(places, values);
+    for (Solver* s : {whole_.get(), partial_.get()}) {
+      const FactorResult f = s->refactorize(values);
+      check(f.status);
+      const AnalysisResult& a = s->analysis();
+      for (const DeviceReport& d : f.devices)
+        fmt::print(
+            "  {}: file {:.0f} MiB, written {:.0f} MiB, read {:.0f} MiB; predicted for a whole one {:.0f}, {:.0f}\n",
+            s == whole_.get() ? "whole" : "partial", mib(a.predicted_disk_bytes), mib(d.disk_written_bytes),
+            mib(d.disk_read_bytes), mib(a.predicted_disk_written_bytes), mib(a.predicted_disk_read_bytes));
+    }
+  }
+  static double mib(Offset bytes) { return static_cast<double>(bytes) / (1 << 20); }
   static void change(const std::vector<Offset>& places, std::vector<double>& values) {
     for (const Offset q : places) values[static_cast<std::size_t>(q)] *= 1 + 1e-9;
   }
@@ -102,6 +134,7 @@ class Pair {
 
   const SparseMatrix& a_;
   std::unique_ptr<Solver> whole_, partial_;
+  Options options_;  // of the one that makes a part
 };
 
 }  // namespace

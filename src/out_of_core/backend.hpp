@@ -7,7 +7,9 @@
 #include <cstddef>
 #include <memory>
 #include <span>
+#include <stdexcept>
 #include <string>
+#include <vector>
 
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
@@ -51,6 +53,20 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   }
   /// Forgets the last factorization. `values` is the caller's array, valid until finish().
   virtual void begin(std::span<const T> values) = 0;
+  // Runs that make some units again (PartialRun): backends of one device that PlanningRates::keep_contributions is for.
+  /// After a run of all fronts: those that other values, or the pivot rule that is set, do not leave as they are; not
+  /// 0: such a front. What stands above them is not marked. Empty: the backend does not tell.
+  /// @param before  the values of that run; compared bit by bit
+  [[nodiscard]] virtual std::vector<char> changed_fronts(std::span<const T> /*values*/, std::span<const T> /*before*/) {
+    return {};
+  }
+  /// The next begin() forgets nothing of these fronts. @param kept  fronts, not 0; empty: of none
+  virtual void keep(std::span<const char> /*kept*/) {}
+  /// Copies to the arena, in the place of an operation of the run queue; done when it returns.
+  virtual void bring(Offset /*to*/, const std::byte* /*from*/, Offset /*bytes*/) {
+    throw std::logic_error("out of core: this backend makes all units");
+  }
+
   /// Called by each thread that uses the backend.
   virtual void enter_thread() = 0;
 

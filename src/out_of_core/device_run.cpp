@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/timeline.hpp"
+#include "out_of_core/store_uses.hpp"
 
 namespace espalier::out_of_core {
 
@@ -13,19 +14,6 @@ namespace {
 constexpr int kNoSlot = -1;
 
 std::int64_t waits_for(const Operation& op, Queue q) { return op.waits[static_cast<std::size_t>(q)]; }
-
-// Arrays that an operation copies; in-core steps store both factor arrays as one.
-int parts_of(const Operation& op) {
-  if (op.type == OperationType::load_tables || op.type == OperationType::load_values ||
-      op.type == OperationType::store_outputs)
-    return 1;
-  return op.at[1] >= 0 && (op.type != OperationType::store_factor || op.grouped) ? 2 : 1;
-}
-
-// Operations of several devices have no common numbers: as if all lists took as long.
-Index step_of(const OutOfCorePlan& plan, const Operation* op, Index steps) {
-  return static_cast<Index>((op - plan.ops.data()) * Offset{steps} / static_cast<Offset>(plan.ops.size()));
-}
 
 }  // namespace
 
@@ -49,8 +37,10 @@ void DeviceRun<T>::prepare(const OutOfCorePlan& plan, const std::vector<OutOfCor
 }
 
 template <class T>
-void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk) {
+void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk,
+                         const PartialRun& part) {
   disk_ = disk;
+  part_ = &part;
   values_ = values;
   store_ = store;
   pinned_ = &pinned;
@@ -58,6 +48,7 @@ void DeviceRun<T>::begin(std::span<const T> values, T* store, const PinnedStore&
   in_direct_ = out_direct_ = 0;
   on_the_way_.clear();
   slots_on_the_way_ = 0;
+  backend_->keep(part.kept());
   backend_->begin(values);
 }
 
@@ -86,7 +77,9 @@ device::OutOfCoreReport DeviceRun<T>::report(Offset budget_bytes) const {
 template <class T>
 void DeviceRun<T>::run_all(base::Stage* stage, double share) {
   std::array<std::int64_t, kQueues> numbers{};
+  if (part_->makes_all()) tell_disk(Queue::run, nullptr);
   for (const Operation* op : runs_) {
+    if (!part_->makes_all()) tell_disk(Queue::run, op);
     if (options_.interruption != nullptr) options_.interruption->check();
     for (const Queue q : {Queue::in, Queue::out, Queue::run, Queue::second_run}) {
       const std::int64_t n = waits_for(*op, q);
@@ -94,12 +87,16 @@ void DeviceRun<T>::run_all(base::Stage* stage, double share) {
       progress_.wait_asked(number_, q, n);
       backend_->wait_for_mark(op->queue, q, n);
     }
-    backend_->run(*op);
+    if (part_->makes(*op))
+      backend_->run(*op);
+    else
+      bring(*op);
     const std::int64_t number = ++numbers[static_cast<std::size_t>(op->queue)];
     backend_->mark(op->queue, number);
     progress_.asked(number_, op->queue, number);
     if (stage != nullptr) stage->add_share(share / static_cast<double>(runs_.size()));
   }
+  tell_disk(Queue::run, nullptr);
   progress_.wait_asked(number_, Queue::in, static_cast<std::int64_t>(loads_.size()));
   progress_.wait_done(number_, Queue::out, static_cast<std::int64_t>(stores_.size()));
   backend_->finish();
@@ -108,37 +105,28 @@ void DeviceRun<T>::run_all(base::Stage* stage, double share) {
 // ---- a store on disk ------------------------------------------------------------------------------------------------
 
 template <class T>
-std::vector<StoreUse> DeviceRun<T>::uses_of(const std::vector<OutOfCorePlan>& plans, const OutOfCoreBackend<T>& backend,
-                                            Index steps) {
-  constexpr auto kSize = static_cast<Offset>(sizeof(T));
-  std::vector<StoreUse> uses;
-  std::vector<Extent> list;
-  for (const OutOfCorePlan& p : plans)
-    for (const Operation& op : p.ops) {
-      const Index step = step_of(p, &op, steps);
-      const bool in = op.queue == Queue::in;
-      if (op.type == OperationType::load_slab) {
-        for (int part = 0; part < parts_of(op); ++part) {
-          list.clear();
-          backend.slab(op.front, op.begin, op.end, op.row, list);
-          for (const Extent& e : list)
-            uses.push_back({step, false, {(op.host[static_cast<std::size_t>(part)] + e.at) * kSize, e.size * kSize}});
-        }
-      } else if (op.type == OperationType::load_contribution || op.type == OperationType::store_contribution ||
-                 op.type == OperationType::store_factor) {
-        for (int part = 0; part < parts_of(op); ++part)
-          uses.push_back({step, !in, {op.host[static_cast<std::size_t>(part)] * kSize, op.bytes / parts_of(op)}});
-      }
-    }
-  std::stable_sort(uses.begin(), uses.end(), [](const StoreUse& x, const StoreUse& y) { return x.step < y.step; });
-  return uses;
-}
-
-template <class T>
 void DeviceRun<T>::tell_disk(Queue queue, const Operation* op) {
   if (disk_ == nullptr) return;
-  disk_->at_step(2 * static_cast<int>(number_) + (queue == Queue::in ? 0 : 1),
+  const int which = queue == Queue::in ? 0 : queue == Queue::out ? 1 : 2;
+  disk_->at_step(kDiskQueues * static_cast<int>(number_) + which,
                  op == nullptr ? DiskStore::kEnd : step_of(*plan_, op, disk_->plan_steps()));
+}
+
+// In the place of an operation that is not made.
+template <class T>
+void DeviceRun<T>::bring(const Operation& op) {
+  for (const LeftContribution& left : part_->brought(op))
+    for (std::size_t part = 0; part < left.at.size(); ++part) {
+      if (left.store[part] < 0) continue;
+      const auto copy = [&](const std::byte* from, Offset done, Offset bytes) {
+        backend_->bring(left.at[part] + done, from, bytes);
+      };
+      if (disk_ != nullptr)
+        disk_->each_piece(left.store[part] * static_cast<Offset>(sizeof(T)), left.part_bytes, DiskStore::Access::read,
+                          copy);
+      else
+        copy(reinterpret_cast<const std::byte*>(store_ + left.store[part]), 0, left.part_bytes);
+    }
 }
 
 // Makes a queue of copies wait for what computes.
@@ -181,7 +169,7 @@ void DeviceRun<T>::load_all() {
     wait_for_others(*op, idle);
     wait_for_runs(*op, idle);
     if (const std::int64_t n = waits_for(*op, Queue::out); n > 0) progress_.wait_done(number_, Queue::out, n);
-    load(*op, slot);
+    if (part_->makes(*op)) load(*op, slot);
     backend_->mark(Queue::in, number);
     progress_.asked(number_, Queue::in, number);
   }
@@ -294,7 +282,10 @@ void DeviceRun<T>::store_all() {
       progress_.wait_asked(number_, Queue::in, n, receive_one);
       backend_->wait_for_mark(Queue::out, Queue::in, n);
     }
-    send(*op, number, slot);
+    if (part_->makes(*op))
+      send(*op, number, slot);
+    else
+      on_the_way_.push_back({kNoSlot, op, number, 0, 0, true});  // what is before it has to arrive first
     backend_->mark(Queue::out, number);
     progress_.asked(number_, Queue::out, number);
   }

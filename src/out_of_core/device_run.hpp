@@ -13,6 +13,7 @@
 #include "out_of_core/backend.hpp"
 #include "out_of_core/copies.hpp"
 #include "out_of_core/executor.hpp"
+#include "out_of_core/partial_run.hpp"
 #include "out_of_core/pinned_store.hpp"
 #include "out_of_core/progress.hpp"
 
@@ -28,15 +29,15 @@ class DeviceRun {
   void prepare(const OutOfCorePlan& plan, const std::vector<OutOfCoreBackend<T>*>& peers);
   /// @param pinned  of the store
   /// @param disk  the store, where a part of it is on disk; else null
-  void begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk);
+  /// @param part  outlives the run
+  void begin(std::span<const T> values, T* store, const PinnedStore& pinned, DiskStore* disk, const PartialRun& part);
   /// @param stage  that of the factorization, in which each operation is a part of `share`; may be null
   void run_all(base::Stage* stage, double share);
   void load_all();
   void store_all();
 
-  /// The uses of a store on disk by these plans, by steps as the devices tell them: so many in all.
-  static std::vector<StoreUse> uses_of(const std::vector<OutOfCorePlan>& plans, const OutOfCoreBackend<T>& backend,
-                                       Index steps);
+  /// Queues of a device that use a store on disk: copies both ways, and what is brought for a run that makes a part.
+  static constexpr int kDiskQueues = 3;
 
   [[nodiscard]] OutOfCoreBackend<T>& backend() { return *backend_; }
   [[nodiscard]] const OutOfCoreBackend<T>& backend() const { return *backend_; }
@@ -58,6 +59,7 @@ class DeviceRun {
   template <class Meanwhile>
   void wait_for_others(const Operation& op, Meanwhile&& meanwhile);
   void tell_disk(Queue queue, const Operation* op);
+  void bring(const Operation& op);
   void load(const Operation& op, int& slot);
   void load_values(const Operation& op, int& slot);
   void load_directly(Offset to);
@@ -85,6 +87,7 @@ class DeviceRun {
   T* store_ = nullptr;
   const PinnedStore* pinned_ = nullptr;
   DiskStore* disk_ = nullptr;
+  const PartialRun* part_ = nullptr;
   const std::vector<OutOfCoreBackend<T>*>* peers_ = nullptr;
   EntryRanges gathered_;             // of the copies to the device
   HostExtents extents_;              // likewise

@@ -66,6 +66,7 @@ DiskStore::~DiskStore() {
 // ---- runs -----------------------------------------------------------------------------------------------------------
 
 void DiskStore::set_plan(std::vector<StoreUse> uses, Offset lasts, int queues, Index steps) {
+  end();
   steps_.assign(static_cast<std::size_t>(queues), 0);
   uses_ = std::move(uses);
   lasts_ = lasts;

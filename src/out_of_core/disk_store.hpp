@@ -71,7 +71,7 @@ class DiskStore {
   /// The size of blocks for a window.
   static Offset block_for(Offset window_bytes);
 
-  /// The plan of the runs to come. @param uses  by rising steps
+  /// The plan of the runs to come; ends the run at hand. @param uses  by rising steps
   /// @param lasts  what stands before this byte is of use after a run, in rising order
   /// @param queues  that carry it out side by side
   /// @param steps  in all

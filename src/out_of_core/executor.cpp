@@ -13,7 +13,10 @@
 #include "base/timeline.hpp"
 #include "out_of_core/device_run.hpp"
 #include "out_of_core/disk_fronts.hpp"
+#include "out_of_core/partial_run.hpp"
 #include "out_of_core/pinned_store.hpp"
+#include "out_of_core/store_uses.hpp"
+#include "plan/reached_fronts.hpp"
 
 namespace espalier::out_of_core {
 
@@ -48,13 +51,6 @@ device::FactorOutcome together(const std::vector<device::FactorOutcome>& parts) 
   all.busy_seconds /= static_cast<double>(parts.size());
   all.waiting_seconds /= static_cast<double>(parts.size());
   return all;
-}
-
-// The longest list of operations.
-Index steps_of(const std::vector<OutOfCorePlan>& plans) {
-  std::size_t most = 0;
-  for (const OutOfCorePlan& p : plans) most = std::max(most, p.ops.size());
-  return static_cast<Index>(most);
 }
 
 void expect_window(const OutOfCorePlan& plan, const OutOfCoreLayout& layout, const DiskOptions& disk) {
@@ -94,44 +90,18 @@ class OutOfCoreExecutor final : public device::Executor<T> {
     for (auto& d : devices_) d.backend().set_pivot_rule(rule);
   }
 
-  device::FactorOutcome factorize(std::span<const T> values) override {
-    const double start = base::now_seconds();
-    progress_.reset();
-    error_ = nullptr;
-    if (again_) pinned_->start();
-    again_ = true;
-    if (disk_ != nullptr) {
-      before_ = disk_->traffic();
-      disk_->begin_plan();
-    }
-    base::Stage* const stage = base::Stage::current("factorization");
-    for (auto& d : devices_) d.begin(values, store(), *pinned_, disk_.get());
-    crew_.run([&](int worker) {
-      auto& d = devices_[static_cast<std::size_t>(worker / kRoles)];
-      switch (worker % kRoles) {
-        case 0:
-          return guarded(d, [&] { d.run_all(stage, 1.0 / static_cast<double>(devices_.size())); });
-        case 1:
-          return guarded(d, [&] { d.load_all(); });
-        default:
-          return guarded(d, [&] { d.store_all(); });
-      }
-    });
-    if (disk_ != nullptr) disk_->end();
-    if (error_ != nullptr) {
-      for (auto& d : devices_) d.backend().abandon();
-      std::rethrow_exception(error_);
-    }
-    outcomes_.clear();
-    for (auto& d : devices_) outcomes_.push_back(d.backend().outcome());
-    for (auto& d : devices_)
-      if (&d != &devices_.front()) devices_.front().backend().take_pivots(d.backend());
-    device::FactorOutcome outcome = together(outcomes_);
-    outcome.seconds = base::now_seconds() - start;
-    if (outcome.busy_seconds <= 0) {
-      for (const auto& d : devices_) outcome.busy_seconds += d.backend().times().sum();
-      outcome.busy_seconds /= static_cast<double>(devices_.size());
-    }
+  device::FactorOutcome factorize(std::span<const T> values) override { return run(values, PartialRun()); }
+
+  device::FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
+    if (!complete_ || !options_.rates.keep_contributions) return factorize(values);
+    OutOfCoreBackend<T>& only = *backends_.front();
+    const std::vector<char> changed = only.changed_fronts(values, before);
+    if (changed.empty()) return factorize(values);
+    const plan::Plan& plan = only.plan();
+    PartialRun part(plan, plans_.front(), changed);
+    const double kept = plan::share_of_work(plan, part.kept());
+    device::FactorOutcome outcome = run(values, std::move(part));
+    outcome.share = 1 - kept;
     return outcome;
   }
 
@@ -171,6 +141,51 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   }
 
  private:
+  device::FactorOutcome run(std::span<const T> values, PartialRun part) {
+    const double start = base::now_seconds();
+    complete_ = false;
+    part_ = std::move(part);
+    progress_.reset();
+    error_ = nullptr;
+    if (again_) pinned_->start();
+    again_ = true;
+    if (disk_ != nullptr) {
+      before_ = disk_->traffic();
+      if (options_.rates.keep_contributions) plan_disk();
+      disk_->begin_plan(!part_.makes_all());
+    }
+    base::Stage* const stage = base::Stage::current("factorization");
+    for (auto& d : devices_) d.begin(values, store(), *pinned_, disk_.get(), part_);
+    crew_.run([&](int worker) {
+      auto& d = devices_[static_cast<std::size_t>(worker / kRoles)];
+      switch (worker % kRoles) {
+        case 0:
+          return guarded(d, [&] { d.run_all(stage, 1.0 / static_cast<double>(devices_.size())); });
+        case 1:
+          return guarded(d, [&] { d.load_all(); });
+        default:
+          return guarded(d, [&] { d.store_all(); });
+      }
+    });
+    if (disk_ != nullptr) disk_->end();
+    if (error_ != nullptr) {
+      for (auto& d : devices_) d.backend().abandon();
+      std::rethrow_exception(error_);
+    }
+    outcomes_.clear();
+    for (auto& d : devices_) outcomes_.push_back(d.backend().outcome());
+    for (auto& d : devices_)
+      if (&d != &devices_.front()) devices_.front().backend().take_pivots(d.backend());
+    device::FactorOutcome outcome = together(outcomes_);
+    complete_ = true;
+    outcome.seconds = base::now_seconds() - start;
+    if (outcome.busy_seconds <= 0) {
+      for (const auto& d : devices_) outcome.busy_seconds += d.backend().times().sum();
+      outcome.busy_seconds /= static_cast<double>(devices_.size());
+    }
+    return outcome;
+  }
+
   // Not in part: then the sums of a solve, and so the bits, would depend on how far the pinning is.
   [[nodiscard]] bool reachable() { return !plans_.front().streamed.empty() && pinned_->complete(); }
   [[nodiscard]] device::OutOfCoreReport report(std::size_t d) const {
@@ -200,12 +215,19 @@ class OutOfCoreExecutor final : public device::Executor<T> {
     const OutOfCoreBackend<T>& first = *backends_.front();
     expect_window(plan, first, disk);
     disk_ = std::make_unique<DiskStore>(plan.store_elements * kSize, disk, budget);
-    const Index steps = steps_of(plans_);
-    disk_->set_plan(DeviceRun<T>::uses_of(plans_, first, steps), plan.factor_elements * kSize,
-                    2 * static_cast<int>(plans_.size()), steps);
+    plan_disk();
     fronts_.emplace(*disk_, plan, first);
     backends_.front()->set_reader(&*fronts_);
     options_.pinned_bytes = 0;
+  }
+
+  // For the run at hand.
+  void plan_disk() {
+    const OutOfCorePlan& plan = plans_.front();
+    const Index steps = steps_of(plans_);
+    const Offset lasts = options_.rates.keep_contributions ? plan.store_elements : plan.factor_elements;
+    disk_->set_plan(store_uses(plans_, *backends_.front(), steps, part_), lasts * static_cast<Offset>(sizeof(T)),
+                    DeviceRun<T>::kDiskQueues * static_cast<int>(plans_.size()), steps);
   }
 
   // The machine finds pages on the first write, one by one: by all threads, before it hurts.
@@ -258,6 +280,8 @@ class OutOfCoreExecutor final : public device::Executor<T> {
   DiskTraffic before_;                           // the last factorization
   std::optional<PinnedStore> pinned_;            // of the store; ends before it
   bool again_ = false;                           // a factorization was asked for before
+  bool complete_ = false;                        // the last one has ended well
+  PartialRun part_;                              // the last factorization
   std::vector<device::FactorOutcome> outcomes_;  // devices; of the last factorization
   std::mutex error_mutex_;
   std::exception_ptr error_;
@@ -293,14 +317,16 @@ DiskPrediction predict_disk(const std::vector<std::unique_ptr<OutOfCoreBackend<T
   Offset& window = disk.window_bytes;
   for (std::size_t d = 0; d < backends.size(); ++d)
     window -= backends[d]->host_bytes(plans[d], 2 * options.slots, options.slot_bytes);
-  const Offset bytes = plan.store_elements * kSize, lasts = plan.factor_elements * kSize;
+  const Offset bytes = plan.store_elements * kSize;
+  const Offset lasts = options.rates.keep_contributions ? bytes : plan.factor_elements * kSize;
   DiskPrediction p;
   if (bytes <= window) return p;
   expect_window(plan, *backends.front(), disk);
   p.file_bytes = bytes - window;
-  p.factorization = traffic_of(DeviceRun<T>::uses_of(plans, *backends.front(), steps_of(plans)), bytes, lasts, window);
+  p.factorization = traffic_of(store_uses(plans, *backends.front(), steps_of(plans)), bytes, lasts, window);
   // A way begins with what the one before has ended with.
-  p.way_read_bytes = std::max<Offset>(0, lasts / (backends.front()->plan().options.unsymmetric ? 2 : 1) - window);
+  p.way_read_bytes = std::max<Offset>(
+      0, plan.factor_elements * kSize / (backends.front()->plan().options.unsymmetric ? 2 : 1) - window);
   return p;
 }
 

@@ -163,7 +163,7 @@ Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& device
   for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](PlanShape& x) { x.chunk = chunk; });
   if (devices.size() > 1)
     for (const int t : {1, 4}) with([&](PlanShape& x) { x.turns = t; });
-  else
+  else if (!rates.keep_contributions)
     keep_factors(candidates, devices, rates, shape, best);
   return best;
 }

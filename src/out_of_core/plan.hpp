@@ -136,6 +136,17 @@ struct Operation {
   std::vector<QueueWait> others;
 };
 
+/// Block columns of a contribution that their unit leaves in the arena, and in the store, where nothing else ever
+/// comes.
+struct LeftContribution {
+  Index front = 0;
+  std::size_t after = 0;                ///< place in OutOfCorePlan::ops of what has made it
+  std::array<Offset, 2> at{-1, -1};     ///< bytes of the arena, by part
+  std::array<Offset, 2> store{-1, -1};  ///< elements of the store, by part
+  Offset part_bytes = 0;
+  bool read_there = false;  ///< the parent's unit reads it in the arena
+};
+
 /// By what a plan is chosen: the machine's rates, and what is not to be varied.
 struct PlanningRates {
   /// @param pinned  the host's store is to be page-locked
@@ -153,6 +164,9 @@ struct PlanningRates {
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
   double resident = -1;  ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
+  /// One device: later runs shall make some units again (PartialRun). So all factors go to the store, and so do the
+  /// contributions between units, each to a place of its own.
+  bool keep_contributions = false;
   // Of a solve: bytes of the factor in a second (docs/notebook/out_of_core.md, "Factors that stay").
   double host_solve = 55e9;      ///< read by the host's threads (16 of them: 35 to 60)
   double device_solve = 2.5e12;  ///< by the device, in its own memory
@@ -171,8 +185,9 @@ struct OutOfCorePlan {
   std::vector<InCoreStep> steps;
   std::vector<ColumnGroup> groups;
   std::vector<Operation> ops;
-  std::vector<Offset> factor_store;   ///< fronts; elements of the host's store where the first factor array begins
-  std::vector<Offset> factor2_store;  ///< fronts; likewise of the second (lu; ldlt: large fronts only)
+  std::vector<LeftContribution> left;  ///< by rising `after`; only of plans that keep contributions
+  std::vector<Offset> factor_store;    ///< fronts; elements of the host's store where the first factor array begins
+  std::vector<Offset> factor2_store;   ///< fronts; likewise of the second (lu; ldlt: large fronts only)
   /// fronts; bytes of the arena where the factor arrays are after the factorization (the second: lu), -1: in the store,
   /// where the others have no place. With a front, all above it are there.
   std::vector<std::array<Offset, 2>> resident_at;

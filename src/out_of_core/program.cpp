@@ -4,23 +4,16 @@
 #include <limits>
 #include <utility>
 
-#include "out_of_core/solve_shares.hpp"
-
 namespace espalier::out_of_core {
 
 namespace {
-
-// While plans are made, contributions in the store count from kFar for every device; finish() puts them together.
-constexpr Offset kFar = Offset{1} << 52;
-
-constexpr Index kSolveColumns = 8;  // right-hand sides that a pass over the factor takes
 
 Index places(const OutOfCoreLayout& layout) { return layout.plan().fronts(); }
 
 }  // namespace
 
 Program::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
-    : arena(budget, around), host(kFar / 16), speed(its_speed) {}
+    : arena(budget, around), host(kDeviceApart / 16), speed(its_speed) {}
 
 Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the_units,
                  const std::vector<InCoreStep>& steps, const std::vector<OutOfCoreDevice>& devices,
@@ -233,7 +226,7 @@ void Program::release(Segment& s) {
 
 void Program::store_contribution(Segment& s) {
   const bool two = contribution_parts == 2;
-  const Offset start = factor_elements_ + s.device * kFar;
+  const Offset start = factor_elements_ + s.device * kDeviceApart;
   for (int k = 0; k < contribution_parts; ++k)
     s.host[k] = start + state(s.device).host.take_lowest(s.part_bytes) / element;
   Operation op;
@@ -282,15 +275,26 @@ void Program::add_contribution(Index f, Index device, Index begin, Index end, co
   Segment& mine = contributions[f].back();
   const std::vector<Index>& readers = units[static_cast<std::size_t>(s.next_unit)].devices;
   const bool read_elsewhere = readers.size() > 1 || readers.front() != device;
-  if (shape.frugal || read_elsewhere) store_contribution(mine);
+  if (shape.frugal || read_elsewhere || rates.keep_contributions) store_contribution(mine);
+  if (rates.keep_contributions) leave(mine);
   if (shape.frugal) release(mine);
+}
+
+// The segment was made by the last operation that computes.
+void Program::leave(Segment& s) {
+  OutOfCorePlan& p = plans[static_cast<std::size_t>(s.device)];
+  std::size_t made = p.ops.size();
+  do --made;
+  while (p.ops[made].queue == Queue::in || p.ops[made].queue == Queue::out);
+  s.left = static_cast<Index>(p.left.size());
+  p.left.push_back({s.front, made, s.at, s.host, s.part_bytes, false});
 }
 
 void Program::forget(Segment& s) {
   release(s);
-  if (s.stored)
+  if (s.stored && !rates.keep_contributions)
     for (int k = 0; k < contribution_parts; ++k)
-      state(s.device).host.give_back((s.host[k] - factor_elements_ - s.device * kFar) * element, s.part_bytes);
+      state(s.device).host.give_back((s.host[k] - factor_elements_ - s.device * kDeviceApart) * element, s.part_bytes);
   s.stored = false;
   s.begin = s.end;
 }
@@ -322,89 +326,6 @@ void Program::store_outputs(Index device, const Operation& of, Offset scratch_at
   op.at[0] = scratch_at;
   op.bytes = bytes;
   if (bytes > 0) emit(device, op, std::array<Access, 1>{{{scratch_at, bytes, false}}});
-}
-
-// ---- the end --------------------------------------------------------------------------------------------------------
-
-// Contributions of the devices one after another behind the factors.
-void Program::move_contributions() {
-  std::vector<Offset> start;
-  Offset at = factor_elements_;
-  for (const DeviceState& s : states_) {
-    start.push_back(at);
-    at += s.host.peak() / element;
-  }
-  for (OutOfCorePlan& p : plans) {
-    p.store_elements = at;
-    for (Operation& op : p.ops) {
-      if (op.type != OperationType::store_contribution && op.type != OperationType::load_contribution) continue;
-      for (Offset& host : op.host)
-        if (host >= 0) {
-          const Offset place = host - factor_elements_;
-          host = start[static_cast<std::size_t>(place / kFar)] + place % kFar;
-        }
-    }
-  }
-}
-
-// What stays, what streams, and room for the tables and vectors of both where the factorization needs none any more.
-void Program::plan_solve() {
-  OutOfCorePlan& p = plans.front();
-  for (Index f = 0; f < plan.fronts(); ++f)
-    if (resident_[static_cast<std::size_t>(unit_of(f))] != 0) {
-      p.resident.push_back(f);
-      p.resident_bytes += layout.sizes().factor[f] * element * (plan.options.unsymmetric ? 2 : 1);
-    }
-  if (p.resident.empty()) return;
-  // Zero-copy reads do not quite reach the rate of copies.
-  constexpr double kOfCopies = 0.85;
-  const double link = kOfCopies * rates.bytes_in;
-  p.streamed = choose_streamed(layout, p.resident, link / (link + rates.host_solve));
-  for (;; p.streamed.clear()) {
-    std::vector<Index> both(p.resident.size() + p.streamed.size());
-    std::merge(p.resident.begin(), p.resident.end(), p.streamed.begin(), p.streamed.end(), both.begin());
-    for (const Index columns : {kSolveColumns, Index{1}}) {
-      p.solve_columns = columns;
-      p.solve_bytes = layout.solve_bytes(both, columns);
-      p.solve_at = state(0).arena.take_first(p.solve_bytes);
-      if (p.solve_at >= 0) return;
-    }
-    if (p.streamed.empty()) throw NoRoom{};
-  }
-}
-
-// The host and the link side by side, then what stays; every number is read twice.
-void Program::predict_solve() {
-  OutOfCorePlan& p = plans.front();
-  const double parts = plan.options.unsymmetric ? 2 : 1;  // of which a pass reads one
-  Offset all = 0;
-  for (Index f = 0; f < plan.fronts(); ++f) all += layout.sizes().factor[f] * element;
-  Offset through_link = 0;
-  for (const Index f : p.streamed) through_link += layout.sizes().factor[f] * element;
-  const double resident = static_cast<double>(p.resident_bytes) / parts;
-  const auto streamed = static_cast<double>(through_link);
-  const double host = static_cast<double>(all) - resident - streamed;
-  p.solve_seconds = 2 * (std::max(host / rates.host_solve, streamed / rates.bytes_in) + resident / rates.device_solve);
-}
-
-std::vector<OutOfCorePlan> Program::finish() {
-  move_contributions();
-  plan_solve();
-  predict_solve();
-  double bytes = 0, queues = 0;
-  for (const OutOfCorePlan& p : plans) bytes += static_cast<double>(p.bytes_in + p.bytes_out);
-  for (const DeviceState& s : states_)
-    for (const double clock : s.clock) queues = std::max(queues, clock);
-  const double memory = bytes / rates.host_bytes;
-  const double seconds = std::max(queues, memory) + std::min(queues, memory) / 10;
-  for (std::size_t d = 0; d < plans.size(); ++d) {
-    OutOfCorePlan& p = plans[d];
-    p.arena_bytes = states_[d].arena.peak();
-    p.predicted_seconds = seconds;
-    p.link_seconds =
-        std::max(static_cast<double>(p.bytes_in) / rates.bytes_in, static_cast<double>(p.bytes_out) / rates.bytes_out);
-  }
-  return std::move(plans);
 }
 
 }  // namespace espalier::out_of_core

@@ -41,6 +41,7 @@ struct Segment {
   Index next_unit = 0;  ///< where it is needed next
   bool resident = true;
   bool stored = false;
+  Index left = -1;  ///< its place in OutOfCorePlan::left
   int pinned = 0;
 };
 
@@ -99,6 +100,10 @@ class Program {
   void store_contribution(Segment& s);
   /// Copies columns [begin, end) of a stored segment to a device.
   void load_contribution(const Segment& s, Index device, Index begin, Index end, const std::array<Offset, 2>& at);
+  /// The segment is read where it stands on its device.
+  void read_in_place(const Segment& s) {
+    if (s.left >= 0) plans[static_cast<std::size_t>(s.device)].left[static_cast<std::size_t>(s.left)].read_there = true;
+  }
   /// Makes columns [begin, end) below of front f known as a contribution.
   void add_contribution(Index f, Index device, Index begin, Index end, const std::array<Offset, 2>& at, Offset bytes);
   /// The segment, or the whole contribution, has been used up.
@@ -114,6 +119,9 @@ class Program {
   std::vector<OutOfCorePlan> finish();
 
  private:
+  /// While plans are made, contributions in the store count from there for every device; finish() puts them together.
+  static constexpr Offset kDeviceApart = Offset{1} << 52;
+
   struct DeviceState {
     DeviceState(Offset budget, double its_speed, bool around);
     Arena arena;
@@ -136,6 +144,7 @@ class Program {
   void predict_solve();
   void lay_out_store();
   bool evict_one(Index device);
+  void leave(Segment& s);
   void move_contributions();
 
   std::vector<DeviceState> states_;

@@ -214,6 +214,7 @@ Index FrontProgrammer::add_columns(const Group& g, const Segment& s, Index begin
   op.begin = begin;
   op.end = last;
   if (s.resident && s.device == g.device) {
+    p_.read_in_place(s);
     const Offset skip = p_.contribution_bytes(s.front, s.begin, begin);
     op.at = {s.at[0] + skip, two ? s.at[1] + skip : -1};
   } else {

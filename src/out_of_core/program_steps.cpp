@@ -18,6 +18,7 @@ std::array<Offset, 2> StepProgrammer::bring_external(Index device, Index child, 
   auto& list = p_.contributions[child];
   if (list.size() == 1 && list[0].resident && list[0].device == device) {
     ++list[0].pinned;
+    p_.read_in_place(list[0]);
     return list[0].at;
   }
   const bool two = p_.contribution_parts == 2;

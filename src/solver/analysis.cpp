@@ -122,8 +122,7 @@ void predict_disk(const Analysis& a, const Context& context, AnalysisResult& r) 
   const Offset limit = context.budget.limit();
   if (context.options.scratch.empty() || limit <= 0 || r.predicted_bytes <= limit) return;
   try {
-    const Offset others = r.predicted_bytes - predicted_executor_bytes(a, context);
-    const DiskForecast disk = predict_disk(a, context, limit - others);
+    const DiskForecast disk = predict_disk(a, context, limit - a.bytes());  // as a factorization finds it
     if (disk.file_bytes == 0) return;
     r.predicted_bytes = limit;
     r.predicted_disk_bytes = disk.file_bytes;

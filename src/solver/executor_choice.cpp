@@ -63,11 +63,13 @@ Offset bytes_beside_arena(const Backend& backend, const Job& job) {
   return std::max<Offset>(0, all - in_core_bytes<T>(job));
 }
 
-// What is taken when there is an executor: values, as the caller gave them and scaled, and vectors of a solve.
+// What is taken when there is an executor: values, as the caller gave them and scaled, those of before where fronts are
+// kept, and vectors of a solve.
 template <class T>
 Offset bytes_of_solve(const Job& job) {
-  constexpr Offset kVectors = 8, kValues = 2, kMore = 1 << 20;
-  return (kVectors * job.plan.tree.n + kValues * static_cast<Offset>(job.plan.entries.size())) *
+  constexpr Offset kVectors = 8, kMore = 1 << 20;
+  const Offset values = job.plan.options.keep_contributions ? 3 : 2;
+  return (kVectors * job.plan.tree.n + values * static_cast<Offset>(job.plan.entries.size())) *
              static_cast<Offset>(sizeof(T)) +
          kMore;
 }
@@ -115,6 +117,7 @@ out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, co
   o.pool = &job.pool;
   o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
   if (!device.backend->limits().own_memory) o.rates.device_solve = o.rates.host_solve;  // it is the host that solves
+  o.rates.keep_contributions = job.plan.options.keep_contributions && keeps_fronts_out_of_core(device);
   return o;
 }
 
@@ -132,24 +135,68 @@ void use_disk(const DeviceChoice& device, const Job& job, const Context& context
   plan_for_disk(o.rates);
 }
 
+template <class T>
+DiskForecast disk_forecast(const DeviceChoice& device, const Job& job, Offset left, const Context& context) {
+  const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, left);
+  auto options = out_of_core_options(device, job, bytes, context);
+  use_disk<T>(device, job, context, options);
+  options.disk.window_bytes = left - options.left_bytes;
+  const out_of_core::DiskPrediction p =
+      out_of_core::predict_disk<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()), options);
+  return {p.file_bytes, p.factorization.written_bytes, p.factorization.read_bytes, p.way_read_bytes};
+}
+
+// What a budget has to leave for a factor on disk. @param left  is too little
+template <class T>
+Offset least_left_for_disk(const DeviceChoice& device, const Job& job, Offset left, const Context& context) {
+  constexpr Offset kParts = 64, kLeast = 1 << 14;  // what is named is that much too large, or a little more
+  const auto arena = [&](Offset with) {
+    const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, with);
+    return *std::min_element(bytes.begin(), bytes.end());
+  };
+  for (left = std::max<Offset>(left, 0);;) {
+    try {
+      (void)disk_forecast<T>(device, job, left, context);
+      return left;
+    } catch (const out_of_core::BudgetTooSmall& e) {
+      do left += kLeast + left / kParts;
+      while (arena(left) < e.needed());
+    } catch (const out_of_core::WindowTooSmall& e) {
+      left += std::max(e.missing(), kLeast + left / kParts);
+    }
+  }
+}
+
+// make(), where the budget leaves so much for a factor on disk. @throws Error(out_of_memory) naming a budget that does
+template <class T, class Make>
+auto with_room_for_disk(const DeviceChoice& device, const Job& job, Offset left, const Context& context, Make&& make) {
+  const auto refuse = [&] {
+    const Offset limit = context.budget.limit();
+    return Error(
+        StatusCode::out_of_memory,
+        fmt::format("the budget of {} on the host is too small for a factor on disk; one of {} bytes would do "
+                    "(--host-memory)",
+                    base::format_bytes(limit), limit - left + least_left_for_disk<T>(device, job, left, context)));
+  };
+  try {
+    return make();
+  } catch (const out_of_core::BudgetTooSmall&) {
+    throw refuse();
+  } catch (const out_of_core::WindowTooSmall&) {
+    throw refuse();
+  }
+}
+
 // On host devices whose budget does not take the factor.
 template <class T>
 std::unique_ptr<device::Executor<T>> make_on_disk(const DeviceChoice& device, const Job& job, const Context& context) {
   const Offset left = context.budget.limit() - context.budget.held();
-  const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, left);
-  auto options = out_of_core_options(device, job, bytes, context);
-  use_disk<T>(device, job, context, options);
-  try {
+  return with_room_for_disk<T>(device, job, left, context, [&] {
+    auto options = out_of_core_options(device, job, arenas_beside_disk<T>(device, job, left), context);
+    use_disk<T>(device, job, context, options);
     return out_of_core::make_out_of_core_executor<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()),
                                                      options, job.budget);
-  } catch (const out_of_core::BudgetTooSmall& e) {
-    const Offset more = e.needed() - *std::min_element(bytes.begin(), bytes.end());
-    throw Error(StatusCode::out_of_memory,
-                fmt::format("the budget of {} on the host is too small for a factor on disk; it needs more than {} "
-                            "(--host-memory)",
-                            base::format_bytes(context.budget.limit()),
-                            base::format_bytes(context.budget.limit() + 2 * more * device.devices())));
-  }
+  });
 }
 
 // When others take memory of a device in between, with less of it.
@@ -214,17 +261,6 @@ Job job_of(const Analysis& analysis, const device::PivotRule& rule, const Contex
 }
 
 template <class T>
-DiskForecast disk_forecast(const DeviceChoice& device, const Job& job, Offset left, const Context& context) {
-  const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, left);
-  auto options = out_of_core_options(device, job, bytes, context);
-  use_disk<T>(device, job, context, options);
-  options.disk.window_bytes = left - options.left_bytes;
-  const out_of_core::DiskPrediction p =
-      out_of_core::predict_disk<T>(device.backend->out_of_core()->make(job, device::Scalar<T>()), options);
-  return {p.file_bytes, p.factorization.written_bytes, p.factorization.read_bytes, p.way_read_bytes};
-}
-
-template <class T>
 Offset out_of_core_bytes(const DeviceChoice& device, const Job& job, const Context& context) {
   const std::vector<Offset> bytes = device_bytes(*device.backend, job, in_core_bytes<T>(job), 0);
   const out_of_core::OutOfCoreOptions o = out_of_core_options(device, job, bytes, context);
@@ -232,6 +268,10 @@ Offset out_of_core_bytes(const DeviceChoice& device, const Job& job, const Conte
 }
 
 }  // namespace
+
+bool keeps_fronts_out_of_core(const DeviceChoice& device) {
+  return !device.backend->limits().own_memory && device.devices() == 1;
+}
 
 Offset predicted_executor_bytes(const Analysis& analysis, const Context& context) {
   const Backend& backend = *analysis.device.backend;
@@ -259,19 +299,38 @@ Offset predicted_executor_bytes(const Analysis& analysis, const Context& context
   }
 }
 
+namespace {
+
+// use(scalar): of the analysis' factor.
+template <class Use>
+auto of_factor(const Analysis& analysis, const Context& context, Use&& use) {
+  const bool fp64 = context.precision() == Precision::fp64;
+  if (analysis.system->complex_factor())
+    return fp64 ? use(device::Scalar<std::complex<double>>()) : use(device::Scalar<std::complex<float>>());
+  return fp64 ? use(device::Scalar<double>()) : use(device::Scalar<float>());
+}
+
+}  // namespace
+
 DiskForecast predict_disk(const Analysis& analysis, const Context& context, Offset left_bytes) {
   const Backend& backend = *analysis.device.backend;
   if (backend.limits().own_memory || backend.out_of_core() == nullptr || analysis.plan.tree.border > 0 ||
       context.link != nullptr)
     return {};
   const Job job = job_of(analysis, {}, context);
-  const bool fp64 = context.precision() == Precision::fp64;
-  const auto of = [&]<class T>(device::Scalar<T>) {
-    return disk_forecast<T>(analysis.device, job, left_bytes, context);
-  };
-  if (analysis.system->complex_factor())
-    return fp64 ? of(device::Scalar<std::complex<double>>()) : of(device::Scalar<std::complex<float>>());
-  return fp64 ? of(device::Scalar<double>()) : of(device::Scalar<float>());
+  return of_factor(analysis, context, [&]<class T>(device::Scalar<T>) {
+    return with_room_for_disk<T>(analysis.device, job, left_bytes, context,
+                                 [&] { return disk_forecast<T>(analysis.device, job, left_bytes, context); });
+  });
+}
+
+Offset least_budget_on_disk(const Analysis& analysis, const Context& context) {
+  if (analysis.device.backend->out_of_core() == nullptr || analysis.plan.tree.border > 0 || context.link != nullptr)
+    return predicted_host_bytes(analysis, context);
+  const Job job = job_of(analysis, {}, context);
+  return analysis.bytes() + of_factor(analysis, context, [&]<class T>(device::Scalar<T>) {
+           return least_left_for_disk<T>(analysis.device, job, 0, context);
+         });
 }
 
 template <class T>

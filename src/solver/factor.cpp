@@ -12,6 +12,7 @@
 #include "analysis/relocation.hpp"
 #include "base/at.hpp"
 #include "base/scalar.hpp"
+#include "solver/executor_choice.hpp"
 #include "solver/option_text.hpp"
 #include "solver/pivot_policy.hpp"
 #include "solver/whole_plan.hpp"
@@ -77,7 +78,7 @@ void Factor::take_numbers(Left left, const FollowedAnalysis::Numbers& stay) {
     numeric_ = left.numeric->follow_pattern(*analysis_, values_.values(), stay, context_);
     left = {};
     if (numeric_) charge_analysis();
-    if (!numeric_) note_anew("there is no factor of the pattern before that could be kept");
+    if (!numeric_) note_anew("only a whole factor in core on the host goes on in a changed pattern");
   } catch (const std::exception& error) {
     numeric_.reset();
     note_anew(fmt::format("the numbers of the pattern before could not be kept: {}", error.what()));
@@ -287,16 +288,20 @@ void Factor::charge_analysis() {
   context_.budget.give_back(std::exchange(charged_, 0));
   const std::vector<Offset> budgets = budgets_of(analysis_->device, context_.options);
   const bool budgeted = std::any_of(budgets.begin(), budgets.end(), [](Offset b) { return b > 0; });
-  const bool in_core = !analysis_->device.backend->limits().own_memory && !budgeted && context_.options.scratch.empty();
+  const bool on_host = !analysis_->device.backend->limits().own_memory, disk = !context_.options.scratch.empty();
   const Offset limit = context_.budget.limit();
-  const Offset needed = in_core ? predicted_host_bytes(*analysis_, context_) : analysis_->bytes();
-  if (limit > 0 && needed > limit)
+  const Offset needed = on_host && !budgeted && !disk ? predicted_host_bytes(*analysis_, context_) : analysis_->bytes();
+  if (limit > 0 && needed > limit) {
+    const Offset least = !on_host ? needed
+                         : disk   ? least_budget_on_disk(*analysis_, context_)
+                                  : predicted_host_bytes(*analysis_, context_);
     throw Error(
         StatusCode::out_of_memory,
         fmt::format(
             "the factorization needs {} on the host, its budget is {}; a budget of at least {} bytes would do, or "
             "fewer threads",
-            base::format_bytes(needed), base::format_bytes(limit), needed));
+            base::format_bytes(least), base::format_bytes(limit), least));
+  }
   context_.budget.take(analysis_->bytes());
   charged_ = analysis_->bytes();
 }

@@ -120,10 +120,10 @@ std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorRe
 
 std::string whole_reason(const Analysis& analysis, const Numeric& numeric) {
   if (numeric.keeps_fronts()) return {};
-  if (numeric.out_of_core().budget_bytes > 0)
-    return "out of core, what fronts leave for their parents gives its place to others";
-  if (analysis.plan.ownership.devices > 1)
+  if (analysis.device.devices() > 1)
     return "several devices share the factorization, and exchange all that fronts leave for their parents";
+  if (numeric.out_of_core().budget_bytes > 0)
+    return "out of core on a GPU, what fronts leave for their parents gives its place to others";
   return "the device has no memory for what all fronts leave for their parents";
 }
 

@@ -13,6 +13,7 @@
 #include <random>
 #include <thread>
 
+#include "out_of_core/disk_folder.hpp"
 #include "out_of_core/fixture.hpp"
 
 namespace espalier {
@@ -24,68 +25,12 @@ using out_of_core::DiskOptions;
 using out_of_core::DiskStore;
 using out_of_core::StoreRange;
 using out_of_core::StoreUse;
+using test::DiskFault;
+using test::DiskFolder;
+using test::kDiskBlock;
 using test::same_bits;
-
-constexpr Offset kDiskBlock = ScratchFile::kAlignment;
-
-// A folder of the test's own, which must be empty in the end.
-class DiskFolder {
- public:
-  DiskFolder() {
-    std::string name = (fs::temp_directory_path() / "espalier-disk-XXXXXX").string();
-    EXPECT_NE(::mkdtemp(name.data()), nullptr);
-    path_ = name;
-  }
-  ~DiskFolder() {
-    EXPECT_TRUE(!fs::exists(path_) || fs::is_empty(path_)) << "a file was left behind";
-    fs::remove_all(path_);
-  }
-  DiskFolder(const DiskFolder&) = delete;
-  DiskFolder& operator=(const DiskFolder&) = delete;
-  [[nodiscard]] std::string path() const { return path_; }
-  // A second descriptor of the file without a name that is open there; -1: none is.
-  [[nodiscard]] int open_file() const {
-    for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
-      std::error_code error;
-      const std::string target = fs::read_symlink(entry.path(), error).string();
-      if (target.starts_with(path_ + "/")) return ::open(entry.path().c_str(), O_RDWR);
-    }
-    return -1;
-  }
-
- private:
-  std::string path_;
-};
-
-// Refuses one system call.
-class DiskFault {
- public:
-  DiskFault(const char* call, int number, int error) {
-    ScratchFile::fault = [this, wanted = std::string(call), number, error](const char* asked) {
-      if (wanted != asked || ++count_ != number) return 0;
-      return error;
-    };
-  }
-  ~DiskFault() { ScratchFile::fault = nullptr; }
-  DiskFault(const DiskFault&) = delete;
-  DiskFault& operator=(const DiskFault&) = delete;
-  [[nodiscard]] int calls() const { return count_; }
-
- private:
-  std::atomic<int> count_{0};
-};
-
-template <class Use>
-Status status_of(Use&& use) {
-  try {
-    use();
-  } catch (const Error& e) {
-    return e.status();
-  }
-  return {};
-}
-
-bool says(const Status& s, const std::string& what) { return s.message.find(what) != std::string::npos; }
+using test::says;
+using test::status_of;
 
 TEST(ScratchFile, FoldersThatAreNoneAreNamed) {
   const DiskFolder folder;

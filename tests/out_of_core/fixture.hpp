@@ -87,6 +87,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
     options_of_all.slots = 3;
     options_of_all.rates.share_seconds = 0;
     options_of_all.rates.resident = resident_;
+    options_of_all.rates.keep_contributions = keeps_;
     options_of_all.disk = disk_;
     std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<double>>> backends;
     for (HostOutOfCoreOptions& o : options)
@@ -177,6 +178,7 @@ class OutOfCoreFactorization : public ::testing::TestWithParam<OutOfCoreSystem> 
   Offset floor_ = 0;         // bytes of the least budget
   Offset pinned_bytes_ = 0;  // of the store may be page-locked
   out_of_core::DiskOptions disk_;
+  bool keeps_ = false;    // runs may make a part
   double resident_ = -1;  // of the budget: factors that stay on the device
 };
 

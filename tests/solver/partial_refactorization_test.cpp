@@ -102,7 +102,8 @@ TEST(PartialRefactorization, SaysWhereEverythingIsMade) {
   const SparseMatrix a = elasticity(9);
   for (const auto& [device, budget, why] : {std::tuple{"cpu", Offset{0}, ""},
                                             {"host:2", Offset{0}, "several devices"},
-                                            {"host:1,2", Offset{4'000'000}, "out of core"}}) {
+                                            {"host:1,2", Offset{4'000'000}, ""},
+                                            {"host:2", Offset{2'000'000}, "several devices"}}) {
     SCOPED_TRACE(std::string(device) + ", " + why);
     Options partial = bare(true), full = bare(false);
     for (Options* o : {&partial, &full}) {

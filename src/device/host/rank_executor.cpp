@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "device/host/kept_fronts.hpp"
 #include "device/host/outcome.hpp"
 #include "device/host/rank_traffic.hpp"
 #include "device/host/tile_factor.hpp"
@@ -14,6 +15,7 @@
 #include "device/rank_rows.hpp"
 #include "plan/fingerprint.hpp"
 #include "plan/rank_parts.hpp"
+#include "plan/reached_fronts.hpp"
 
 namespace espalier::device::host {
 
@@ -49,6 +51,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
         link_(*job.link),
         budget_(job.budget != nullptr ? job.budget : &own_budget_),
         held_before_(budget_->held()),
+        next_rule_(job.rule),
         rows_(job.plan, job.link->size()) {
     link_.expect_all([&] { take_memory(job); });
     const auto marks = link_.all_numbers(plan::fingerprint(plan_, static_cast<int>(job.kind),
@@ -61,11 +64,25 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     rows_.own([&](Index f) { return plan::first_keeper(plan_, f); });
   }
 
-  void set_pivot_rule(const PivotRule& rule) override { state_->rule = rule; }
+  void set_pivot_rule(const PivotRule& rule) override { next_rule_ = rule; }
   void halt_at_failures(bool halt) override { state_->halting = halt && state_->kind != Kind::llt; }
+
+  // Sub-trees are of one rank: what values do not reach there stays, and is sent again to who makes the top. So no rank
+  // need know what others keep.
+  FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
+    if (complete_ && plan_.options.keep_contributions) {
+      state_->kept = unchanged_fronts(*state_, values, before, next_rule_, pool_);
+      for (Index f = 0; f < plan_.fronts(); ++f)
+        if (!is_alone(f) || !takes(f)) state_->kept[static_cast<std::size_t>(f)] = 0;
+    }
+    return factorize(values);
+  }
 
   FactorOutcome factorize(std::span<const T> values) override {
     const double start = base::now_seconds();
+    const KeptOnce<T> once{*state_};
+    complete_ = false;
+    state_->rule = next_rule_;
     reset_state(*state_, values);
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
     traffic_->reset();
@@ -75,7 +92,8 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     pool_.run([&](int worker) { take_tasks(worker); });
     FactorOutcome out = summarize(*state_, work_);
     out.halted = traffic_->halted();
-    gather_work(link_.sent_bytes() - sent);
+    out.share = 1 - gather_work(link_.sent_bytes() - sent);
+    complete_ = !out.halted;
     out.seconds = base::now_seconds() - start;
     return out;
   }
@@ -101,8 +119,8 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   [[nodiscard]] std::vector<DeviceWork> device_work() const override { return device_work_; }
 
  private:
-  // What every rank did in the last factorization, on all ranks.
-  void gather_work(std::int64_t sent) {
+  // What every rank did in the last factorization, on all ranks. @returns the share of the operations that was kept
+  double gather_work(std::int64_t sent) {
     DeviceWork mine;
     for (const auto& w : work_) {
       mine.busy_seconds += (w.task_seconds - w.waited_seconds) / static_cast<double>(work_.size());
@@ -110,11 +128,13 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
       mine.peak_bytes += w.bytes();
     }
     mine.peak_bytes += plan_.memory.size * static_cast<Offset>(sizeof(T));
-    const double times[2] = {mine.busy_seconds, mine.waiting_seconds};
+    const double kept = state_->kept.empty() ? 0 : plan::share_of_work(plan_, state_->kept);
+    const double times[3] = {mine.busy_seconds, mine.waiting_seconds, kept};
     const std::int64_t bytes[2] = {mine.peak_bytes, sent};
     const auto all_times = link_.all_gather_of(std::span<const double>(times));
     const auto all_bytes = link_.all_gather_of(std::span<const std::int64_t>(bytes));
     device_work_.clear();
+    double all_kept = 0;
     for (std::size_t r = 0; r < all_times.size(); ++r) {
       DeviceWork work;
       work.name = link_.name_of(static_cast<int>(r));
@@ -123,7 +143,9 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
       work.peak_bytes = all_bytes[r][0];
       work.transferred_bytes = all_bytes[r][1];
       device_work_.push_back(std::move(work));
+      all_kept += all_times[r][2];
     }
+    return all_kept;
   }
 
   // Memory for the right-hand sides, on all ranks or none.
@@ -184,7 +206,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   void execute(const plan::Task& task, Workspace<T>& w) {
     if (task.is_range())
       eliminate_range(*state_, w, task);
-    else
+    else if (!state_->is_kept(task.front))
       make_tile(*state_, w, task);
     traffic_->send_made(task);
   }
@@ -215,7 +237,8 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   ranks::Link& link_;
   base::MemoryBudget own_budget_{"host memory"};
   base::MemoryBudget* budget_;
-  Offset held_before_;  // by others, when the executor was made
+  Offset held_before_;   // by others, when the executor was made
+  PivotRule next_rule_;  // of the next factorization
   std::vector<Workspace<T>> work_;
   std::optional<NumericState<T>> state_;
   std::optional<RankTraffic<T>> traffic_;
@@ -223,6 +246,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
   RankRows rows_;  // the first that keeps a front tells its solution
   std::atomic<std::size_t> next_{0}, finished_{0};
   Driver* driver_ = nullptr;
+  bool complete_ = false;                // the last factorization has made all fronts
   std::vector<DeviceWork> device_work_;  // by rank
 };
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "device/host/host_executor.hpp"
+#include "device/host/kept_fronts.hpp"
 #include "device/host/out_of_core/direct_copies.hpp"
 #include "device/host/out_of_core/group_tasks.hpp"
 #include "device/host/outcome.hpp"
@@ -107,12 +108,17 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     if (options_.device == 0) solve_.emplace(*state_, solve_pool_, budget_);
   }
 
-  void set_pivot_rule(const PivotRule& rule) override {
-    rule_ = rule;
-    if (state_) state_->rule = rule;
-  }
+  void set_pivot_rule(const PivotRule& rule) override { rule_ = rule; }
 
+  [[nodiscard]] std::vector<char> changed_fronts(std::span<const T> values, std::span<const T> before) override {
+    return host::changed_fronts(*state_, values, before, rule_, pool_);
+  }
+  void keep(std::span<const char> kept) override { state_->kept.assign(kept.begin(), kept.end()); }
+  void bring(Offset to, const std::byte* from, Offset bytes) override {
+    std::memcpy(place(to, bytes), from, static_cast<std::size_t>(bytes));
+  }
   void begin(std::span<const T> values) override {
+    state_->rule = rule_;
     reset_state(*state_, values);
     state_->places = state_->arena.data();
     for (auto& w : work_) w.waited_seconds = w.task_seconds = 0;
