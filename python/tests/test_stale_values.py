@@ -6,8 +6,10 @@ wrong factor; for a few unknowns and the inverse dense solutions.
 """
 
 import copy
+import os
 import pickle
 import sys
+from tempfile import TemporaryDirectory
 
 import numpy as np
 import pytest
@@ -21,8 +23,9 @@ class Sequence:
         self.random = np.random.default_rng(seed)
         self.complex = self.random.random() < 0.25
         self.symmetry = self.random.choice(["auto", "lower", "upper", "symmetric", "general"])
-        self.solver = esp.Solver(symmetry=self.symmetry, refinement_steps=0, required_backward_error=float("inf"), progress=False,
-                                 threads=int(self.random.integers(1, 3)), partial_refactorization=bool(self.random.integers(2)))
+        self.options = {"symmetry": str(self.symmetry), "refinement_steps": 0, "required_backward_error": float("inf"), "progress": False,
+                        "partial_refactorization": bool(self.random.integers(2))}
+        self.solver = esp.Solver(threads=int(self.random.integers(1, 3)), **self.options)
         self.twin = None  # a solver, and the matrix that it has factorized
         self.truth = None  # the matrix of the last factorization, dense; None: no solution may come
         self.given = self.matrix()
@@ -198,6 +201,43 @@ class Sequence:
         self.twin = (self.solver, self.truth)
         self.solver, self.truth = other, truth
 
+    def saved(self):
+        """Goes on with what a file gives back, and keeps the solver that was saved."""
+        with TemporaryDirectory() as folder:
+            file = os.path.join(folder, "factor")
+            if self.truth is None:
+                with pytest.raises(RuntimeError):
+                    self.solver.save_factor(file)
+                return
+            self.solver.save_factor(file)
+            other = esp.load_factor(file, threads=int(self.random.integers(1, 3)), **self.options)
+        b = self.random.uniform(-1, 1, len(self.truth))
+        assert other.restored and (other.solve(b) == self.solver.solve(b)).all(), "other bits than those of the saved factor"
+        self.twin = (self.solver, self.truth)
+        self.solver = other
+
+    def around(self):
+        """An unknown that is gone and one that has come, with A and A^T."""
+        if self.truth is None or self.complex or len(self.truth) < 3:
+            return
+        n = len(self.truth)
+        changed = esp.ChangedSystem(self.solver)
+        g, h = self.random.uniform(-1, 1, n), self.random.uniform(-1, 1, n)
+        changed.add(g, h[None, :], [[4.0 * n]])
+        gone = int(self.random.integers(n))
+        changed.remove([gone])
+        kept = np.delete(np.arange(n + 1), gone)
+        full = np.block([[self.truth, g[:, None]], [h[None, :], np.array([[4.0 * n]])]])[np.ix_(kept, kept)]
+        for transpose, op in ((False, full), (True, full.T)):
+            b = self.random.uniform(-1, 1, n + 1)
+            x = changed.solve(b, transpose=transpose)
+            scale = abs(op).sum(axis=1).max() * abs(x).max() + 1
+            assert x[gone] == 0 and abs(op @ x[kept] - b[kept]).max() <= 1e-10 * scale, "changes around other values"
+        self.solver.factorize(self.given)
+        self.truth = self.whole(self.given)
+        with pytest.raises(RuntimeError):
+            changed.solve(np.ones(n + 1))
+
     def check(self, solver=None, truth=None):
         solver, truth = (self.solver, self.truth) if solver is None else (solver, truth)
         if truth is None:
@@ -218,7 +258,7 @@ class Sequence:
     def run(self, calls):
         steps = [self.factorize, self.factorize, self.values, self.values, self.entries, self.entries, self.in_place,
                  self.refused, self.wrong_count, self.analyze, self.swap, self.bad_entries, self.singular_entries, self.bad_values, self.read_only, self.change,
-                 self.rows, self.rows, self.rows, self.inverse]
+                 self.rows, self.rows, self.rows, self.inverse, self.saved, self.saved, self.around]
         for _ in range(calls):
             steps[int(self.random.integers(len(steps)))]()
             self.check()
