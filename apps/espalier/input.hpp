@@ -27,6 +27,7 @@ class MatrixSource {
   /// The same of a command that takes real matrices alone. @throws Error(invalid_input) for a complex one
   [[nodiscard]] SparseMatrix load_real(RunRecord& record, base::ThreadPool& pool) const;
 
+  [[nodiscard]] bool given() const { return !file_.empty() || !generator_.empty(); }
   /// The file; empty for a generator.
   [[nodiscard]] const std::string& file() const { return file_; }
 

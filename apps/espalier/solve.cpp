@@ -8,8 +8,10 @@
 #include <nlohmann/json.hpp>
 #include <type_traits>
 
+#include "base/timeline.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
+#include "espalier/factor_file.hpp"
 #include "input.hpp"
 #include "launched_ranks.hpp"
 #include "progress.hpp"
@@ -26,7 +28,7 @@ namespace {
 struct SolveCommand {
   MatrixSource source;
   SolverFlags flags;
-  std::string rhs_file, out_file, report_file, trace_file, analysis_file, page_file;
+  std::string rhs_file, out_file, report_file, trace_file, analysis_file, page_file, factor_file, save_factor_file;
   int refactorizations = 0;
   RankOptions ranks;
   ProgressLines::Options progress_lines;
@@ -41,6 +43,7 @@ struct Sort {
   using Matrix = SparseMatrix;
   using Columns = RealColumns;
   static constexpr auto read = read_columns;
+  static constexpr auto load = load_factor;
   static Solver solver(const LaunchedRanks& launched, const Options& options) { return {launched.ranks(), options}; }
 };
 template <>
@@ -48,6 +51,7 @@ struct Sort<std::complex<double>> {
   using Matrix = ComplexSparseMatrix;
   using Columns = ComplexColumns;
   static constexpr auto read = read_complex_columns;
+  static constexpr auto load = load_complex_factor;
   static ComplexSolver solver(const LaunchedRanks& launched, const Options& options) {
     return {launched.ranks(), options};
   }
@@ -69,13 +73,51 @@ class SolveRun {
         record_(record),
         pictures_(pictures) {}
 
+  /// With the factor of --factor, whose matrix is `any`, if that was given.
+  void execute_loaded(base::ThreadPool& pool, const matrix::AnyMatrix* any) {
+    const std::string& file = command_.factor_file;
+    const auto start = base::now_seconds();
+    auto loaded = Sort<Value>::load(file, solver_.options());
+    record_.note(loaded.result);
+    if (!keep(loaded.result.status)) return;
+    solver_ = std::move(loaded.solver);
+    by_rows_ = loaded.by_rows;
+    record_.first_factor_seconds = record_.factor->seconds;
+    record_.precision = record_.factor->precision;
+    record_.analysis = solver_.analysis();
+    matrix_ = factorized_matrix(solver_);
+    if (any != nullptr) {
+      expect_same(*any);
+    } else {
+      record_.input = file;
+      record_.rows = matrix_.rows;
+      record_.nonzeros = matrix_.nonzeros();
+      record_.storage = loaded.storage;
+      record_.read_seconds = base::now_seconds() - start;
+    }
+    if (!command_.page_file.empty()) take_pictures();
+    load(pool);
+    if (refactorize() && save_factor()) solve();
+    if (record_.status.ok() && !command_.trace_file.empty()) keep(solver_.write_trace(command_.trace_file));
+  }
+
   void execute(base::ThreadPool& pool) {
     if (!keep(launched_.on_all([&] { return share_right_hand_sides(pool); }))) return;
-    if (analyze() && factorize() && refactorize()) solve();
+    if (analyze() && factorize() && refactorize() && save_factor()) solve();
     if (record_.status.ok() && !command_.trace_file.empty()) keep(solver_.write_trace(command_.trace_file));
   }
 
  private:
+  void expect_same(const matrix::AnyMatrix& any) const {
+    const auto* given = std::get_if<Matrix>(&any);
+    const bool same = given != nullptr && !by_rows_ && solver_.has_pattern(*given) && solver_.values() == given->values;
+    if (!same)
+      throw Error(StatusCode::invalid_input,
+                  command_.factor_file +
+                      ": the factor is of another matrix, or of one that is stored otherwise; leave the "
+                      "matrix out, or --factor");
+  }
+
   // Rank 0 reads for all.
   Status share_right_hand_sides(base::ThreadPool& pool) {
     if (launched_.first()) load(pool);
@@ -102,6 +144,11 @@ class SolveRun {
   bool keep(const Status& status) {
     record_.status = status;
     return status.ok();
+  }
+
+  bool save_factor() {
+    return command_.save_factor_file.empty() ||
+           keep(espalier::save_factor(solver_, command_.save_factor_file, by_rows_));
   }
 
   bool analyze() {
@@ -140,7 +187,7 @@ class SolveRun {
   void solve() {
     progress_.begin("solve");
     typename Sort<Value>::Columns x = b_;
-    record_.solve = solver_.solve(b_.values, x.values, b_.cols);
+    record_.solve = solver_.solve(b_.values, x.values, b_.cols, by_rows_ ? Transpose::yes : Transpose::no);
     progress_.end(duration(record_.solve->seconds));
     const bool solved = keep(record_.solve->status);
     if (!solved && record_.status.code != StatusCode::accuracy_not_reached) return;
@@ -162,6 +209,7 @@ class SolveRun {
   typename Sort<Value>::Columns b_;
   RunRecord& record_;
   SolvePictures& pictures_;
+  bool by_rows_ = false;  // the solver holds the transpose
 };
 
 /// Rank 0 reads for all. @returns why it cannot be solved
@@ -171,6 +219,18 @@ Status share_matrix(const SolveCommand& command, const LaunchedRanks& launched, 
   record.complex = launched.from_first(record.complex ? 1 : 0) != 0;
   if (record.complex && !launched.first()) any = ComplexSparseMatrix();
   return {};
+}
+
+/// With the factor of a file. @param any  its matrix, for comparison; null: it was not given
+void with_factor(const SolveCommand& command, const LaunchedRanks& launched, const Options& options,
+                 const matrix::AnyMatrix* any, RunRecord& record, SolvePictures& pictures, Progress& progress,
+                 base::ThreadPool& pool) {
+  record.complex = is_complex_factor(command.factor_file);
+  if (record.complex)
+    SolveRun<std::complex<double>>(command, launched, options, {}, record, pictures, progress)
+        .execute_loaded(pool, any);
+  else
+    SolveRun<double>(command, launched, options, {}, record, pictures, progress).execute_loaded(pool, any);
 }
 
 /// Never throws Error: it ends in the record's status.
@@ -184,8 +244,13 @@ RunRecord execute(const SolveCommand& command, const LaunchedRanks& launched, co
     progress.begin("reading");
     base::ThreadPool pool(options.threads > 0 ? options.threads : base::available_cores());
     matrix::AnyMatrix any;
-    record.status = launched.on_all([&] { return share_matrix(command, launched, record, pool, any); });
-    if (record.status.ok() && record.complex)
+    const bool loads = !command.factor_file.empty();
+    if (!loads || command.source.given())
+      record.status = launched.on_all([&] { return share_matrix(command, launched, record, pool, any); });
+    if (loads && record.status.ok())
+      with_factor(command, launched, options, command.source.given() ? &any : nullptr, record, pictures, progress,
+                  pool);
+    else if (record.status.ok() && record.complex)
       SolveRun<std::complex<double>>(command, launched, options, std::get<ComplexSparseMatrix>(std::move(any)), record,
                                      pictures, progress)
           .execute(pool);
@@ -218,8 +283,13 @@ void print_outcome(const SolveCommand& command, const RunRecord& record) {
 
 int SolveCommand::run() const {
   Options options = flags.options();
-  check_outputs({{"the matrix", source.file()}, {"--rhs", rhs_file}, {"--analysis", analysis_file}},
-                {{"--out", out_file}, {"--report", report_file}, {"--trace", trace_file}, {"--page", page_file}});
+  check_outputs(
+      {{"the matrix", source.file()}, {"--rhs", rhs_file}, {"--analysis", analysis_file}, {"--factor", factor_file}},
+      {{"--out", out_file},
+       {"--report", report_file},
+       {"--trace", trace_file},
+       {"--page", page_file},
+       {"--save-factor", save_factor_file}});
   options.record_timeline = !trace_file.empty();
   if (verbose) options.log = [](const std::string& line) { print_note("{}\n", line); };
   // Who reads along wants the last line, also where the command is stopped.
@@ -228,7 +298,11 @@ int SolveCommand::run() const {
     options.interrupted = stop_was_asked;
     signals.emplace();
   }
+  if (!factor_file.empty() && !analysis_file.empty())
+    throw Error(StatusCode::invalid_input, "a factor has its analysis: leave --analysis or --factor out");
   LaunchedRanks launched(ranks);
+  if (launched.ranks().size() > 1 && !(factor_file.empty() && save_factor_file.empty()))
+    throw Error(StatusCode::invalid_input, "--factor and --save-factor are for one process");
   if (launched.ranks().size() > 1 && !trace_file.empty())
     throw Error(StatusCode::invalid_input, "--trace shows one process; leave it out on several ranks");
   SolvePictures pictures;
@@ -261,6 +335,8 @@ void add_solve(CLI::App& app, Action& action) {
       ->type_name("K")
       ->check(CLI::Range(0, 1000000));
   add_file(*sub, "--analysis", command->analysis_file, "take the analysis from this file (`analyze --save`)");
+  add_file(*sub, "--save-factor", command->save_factor_file, "write the factor here, with matrix and analysis");
+  add_file(*sub, "--factor", command->factor_file, "take matrix and factor from this file (`solve --save-factor`)");
   add_file(*sub, "--report", command->report_file, "write the report as JSON here");
   add_file(*sub, "--trace", command->trace_file, "write a timeline here that ui.perfetto.dev opens");
   add_page(*sub, command->page_file, "solve.html");
