@@ -1,13 +1,16 @@
 /* Random sequences of calls of the C interface: analyses, values in place, a few values, clones, bad arguments. A
  * solution, whole or of a few unknowns, and the diagonal of the inverse belong to the values of the last factorization
- * that succeeded, or the call says that there is none. Truth: a dense LU of the matrix in long double, which shares
- * nothing with the library. Prints a line for each wrong sequence and a summary; exit code 1 where one was wrong.
+ * that succeeded, or the call says that there is none. Factors go to files and come back, rows come and go around them.
+ * Truth: a dense LU of the matrix in long double, which shares nothing with the library. Prints a line for each wrong
+ * sequence and a summary; exit code 1 where one was wrong.
+ *
  *   espalier_c_sequences [SEQUENCES [SEED [CALLS]]]     default: 1000 sequences, seed 1, 25 calls each */
 #include <complex.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "c_sequence_truth.h"
 #include "espalier/espalier.h"
@@ -243,12 +246,72 @@ static void other_matrix(Sequence* q, Solver* s, What what) {
   s->factored = 0;
 }
 
+/* To a file and back: into another solver where there is room for one, else into the same. */
+static void saved(Sequence* q, Solver* s) {
+  char path[64];
+  snprintf(path, sizeof path, "/tmp/espalier-c-sequence-%ld", (long)getpid());
+  if (no_factor(q, s, espalier_save_factor(s->solver, path))) return;
+  Solver* to = q->count < kSolvers ? &q->solvers[q->count] : s;
+  if (to != s) {
+    if (espalier_create(&to->solver) != ESPALIER_OK) exit(2);
+    ++q->count;
+    to->a = s->a;
+    memcpy(to->truth, s->truth, sizeof to->truth);
+    espalier_set_option(to->solver, "device", "cpu");
+    espalier_set_option(to->solver, "threads", below(2) ? "1" : "3");
+    espalier_set_option(to->solver, "partial_refactorization", below(2) ? "on" : "off");
+  }
+  const int code = espalier_load_factor(to->solver, path, NULL);
+  remove(path);
+  to->factored = code == ESPALIER_OK;
+  if (code != ESPALIER_OK) return wrong(q, to, "a saved factor is not taken", code);
+  check_solve(q, to);
+}
+
+/* An unknown that has come and one that is gone, with A and A^T; a factor that is another one is noticed. */
+static void around(Sequence* q, Solver* s) {
+  const int n = s->a.n, gone = below(n), how = below(3), m = n + 1;
+  if (s->a.parts == 2 || n < 2 || n == kMost) return;
+  espalier_changed* changed = NULL;
+  if (no_factor(q, s, espalier_changed_create(s->solver, &changed))) return;
+  static Wide full[kEntries], truth[kMost];
+  static double g[kMost], h[kMost], b[kMost], x[kMost];
+  static int64_t rows[kMost];
+  const double corner = 4 * kMost;
+  const int64_t begin[2] = {0, n}, list[1] = {gone};
+  for (int i = 0; i < n; ++i) rows[i] = i, g[i] = number(), h[i] = number();
+  for (int i = 0; i < m; ++i) b[i] = number();
+  const espalier_columns column = {1, begin, rows, g}, row = {1, begin, rows, h};
+  int code = espalier_changed_add(changed, &column, &row, &corner);
+  if (code == ESPALIER_OK) code = espalier_changed_remove(changed, list, 1);
+  if (code == ESPALIER_OK) code = espalier_changed_solve(changed, b, x, m, 1, how, NULL);
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i < m; ++i)
+      full[j * m + i] = i == gone || j == gone ? i == j
+                        : i < n && j < n       ? s->truth[j * n + i]
+                        : i < n                ? g[i]
+                        : j < n                ? h[j]
+                                               : corner;
+  for (int i = 0; i < m; ++i) truth[i] = i == gone ? 0 : b[i];
+  dense_solve(m, full, how, 1, truth);
+  double largest = 0;
+  for (int i = 0; i < m; ++i) largest = fmax(largest, (double)cabsl(truth[i]));
+  if (code != ESPALIER_OK) wrong(q, s, "no changes around a factor", code);
+  for (int i = 0; i < m && code == ESPALIER_OK; ++i) compare(q, s, x + i, truth + i, largest);
+  new_values(q, s);
+  if (espalier_changed_solve(changed, b, x, m, 1, how, NULL) != ESPALIER_MISUSE)
+    wrong(q, s, "changes around a factor that is gone", 0);
+  ++q->errors;
+  ++q->solutions;
+  espalier_changed_destroy(changed);
+}
+
 static void step(Sequence* q) {
-  static const char* const kNames[] = {"analyze", "analyze_change", "factorize",  "refactorize",
-                                       "entries", "bad entries",    "bad values", "clone",
-                                       "solve",   "solve_rows",     "inverse"};
-  static const int kWeights[] = {1, 1, 2, 3, 3, 2, 2, 1, 3, 3, 1};
-  int which = 0, left = below(22);
+  static const char* const kNames[] = {"analyze",     "analyze_change", "factorize", "refactorize", "entries",
+                                       "bad entries", "bad values",     "clone",     "solve",       "solve_rows",
+                                       "inverse",     "save_factor",    "changed"};
+  static const int kWeights[] = {1, 1, 2, 3, 3, 2, 2, 1, 3, 3, 1, 2, 1};
+  int which = 0, left = below(25);
   while (left >= kWeights[which]) left -= kWeights[which++];
   Solver* s = &q->solvers[below(q->count)];
   q->last = kNames[which];
@@ -284,6 +347,10 @@ static void step(Sequence* q) {
       return check_solve(q, s);
     case 9:
       return check_rows(q, s);
+    case 11:
+      return saved(q, s);
+    case 12:
+      return around(q, s);
     default:
       return check_inverse(q, s);
   }
