@@ -45,6 +45,8 @@ SECTIONS = (
     ("`damping` by ratios at two frequencies", "read_bodies.cpp", "rayleigh_of_ratios", (), (("Bodies", "damping"),)),
     ("`reduce` of a flexible body", "read_bodies.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
     ("Solids", "read_bodies.cpp", "read_solid", (), (("Bodies", "solid"),)),
+    ("`erosion` of a solid", "read_erosion.cpp", "read_erosion", (), (("Bodies", "erosion"),)),
+    ("", "read_erosion.cpp", "check_erosion", (), ()),
     ("Solids: mesh", "read_bodies.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
     ("Part block", "read_bodies.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
     ("Part connecting-rod", "read_bodies.cpp", "read_rod", ("RodShape",), (("Bodies", "part"),)),

@@ -124,7 +124,7 @@ def type_of(section, kind, key):
     special = {("forces", "force-motor", "force"): "Number", ("forces", "bushing", "stiffness"): "Vector",
                ("forces", "bushing", "damping"): "Vector"}
     by_name = {("bodies", "material"): "str | Material", ("bodies", "materials"): "Mapping[str, str | Material]", ("bodies", "nodes"): "NodesFile | Items[Node]", ("bodies", "mesh"): "Mesh", ("bodies", "thickness"): "Number | Numbers",
-               ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
+               ("bodies", "damping"): "Damping", ("bodies", "reduce"): "Reduction", ("bodies", "erosion"): "Erosion", ("markers", "bore"): "Bore", ("Frame", "bore"): "Bore", ("supports", "bore"): "Bore",
                ("supports", "motion"): "Displacements", ("supports", "symmetry"): "str | Vector", ("joints", "limits"): "Limits",
                ("joints", "angle_limits"): "Limits", ("joints", "friction"): "Friction", ("joints", "through"): "Items[str | Frame]", ("forces", "through"): "Items[str | Frame]", ("joints", "heights"): "Items[Numbers]", ("splines", "points"): "Points",
                ("splines", "x"): "Whole", ("splines", "y"): "Whole", ("events", "set"): "Mapping[str, Number]", ("Damping", "ratio"): "Number | Numbers",

@@ -2,7 +2,7 @@
 
 # Where a table stands, for its rows in units/key_dimensions.cpp.
 PATHS = {"Rotation": "bodies.*.rotation", "Material": "materials.*", "Mesh": "bodies.*.mesh", "Damping": "bodies.*.damping",
-         "Reduction": "bodies.*.reduce", "Node": "bodies.*.nodes", "Bore": "markers.*.bore", "Frame": "markers.*",
+         "Erosion": "bodies.*.erosion", "Reduction": "bodies.*.reduce", "Node": "bodies.*.nodes", "Bore": "markers.*.bore", "Frame": "markers.*",
          "Displacements": "supports.*.motion", "Limits": "joints.*.limits", "Friction": "joints.*.friction", "SteadyRotation": "initial.rotation",
          "Integrator": "integrator", "Statics": "statics", "Initial": "initial", "HarmonicKeys": "harmonic", "Output": "output"}
 
@@ -13,6 +13,7 @@ TABLES = {
     "Mesh": ("A mesh file, or a part that is meshed.", "read_mesh_source read_take read_block read_rod read_link read_crank read_guide read_rotor"
              " read_tyre read_gear read_divisions", ""),
     "Damping": ("Of a flexible body.", "read_damping rayleigh_of_ratios", "mass stiffness ratio frequencies loss_factor frequency"),
+    "Erosion": ("When elements of a solid fail.", "read_erosion", ""),
     "Reduction": ("How a flexible body is reduced.", "read_reduction", ""),
     "MatrixFile": ("A matrix of a substructure.", "read_matrix", ""),
     "Node": ("Of a substructure.", "read_node", ""),

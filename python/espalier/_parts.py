@@ -42,6 +42,7 @@ class Parts:
         element_set: text. only these elements of the mesh
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
+        erosion: {...}. { strain = 0.2 }: elements that pass a limit fail and are gone (elements that fail)
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
         materials: table. of element sets: { LINER = "brass", BODY = { young = 210e9, poisson = 0.3, density = 7850 }
             }. They go before those of the file

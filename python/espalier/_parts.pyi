@@ -192,6 +192,18 @@ class Damping(TypedDict, total=False):
     frequency: Number
 
 
+class Erosion(TypedDict, total=False):
+    """When elements of a solid fail.
+    strain: number > 0. largest principal strain, logarithmic
+    stress: number > 0 [force/length^2]. von Mises stress
+    principal_stress: number > 0 [force/length^2]. largest principal stress
+    """
+
+    strain: Number
+    stress: Number
+    principal_stress: Number
+
+
 class Reduction(TypedDict, total=False):
     """How a flexible body is reduced.
     modes: whole number, default 0. so many modes with the interfaces at rest are kept, beside the static shapes of
@@ -561,8 +573,8 @@ class Parts:
         self, name: str, /, type: Literal["solid"], *, mesh: Mesh, gravity: Vector = ..., position: Vector = ...,
         rotation: Vector | Rotation = ..., velocity: Vector = ..., angular_velocity: Vector = ..., damping: Damping =
         ..., reduce: Reduction = ..., element_set: str = ..., hex8: Literal["full", "mean-dilatation", "enhanced",
-        "shell"] = ..., reduced_hex20: bool = ..., material: str | Material = ..., materials: Mapping[str, str |
-        Material] = ...
+        "shell"] = ..., reduced_hex20: bool = ..., erosion: Erosion = ..., material: str | Material = ..., materials:
+        Mapping[str, str | Material] = ...
     ) -> str:
         """Adds [bodies.NAME], type "solid", and returns the name.
 
@@ -580,6 +592,7 @@ class Parts:
         element_set: text. only these elements of the mesh
         hex8: one of full, mean-dilatation, enhanced, shell, default enhanced. enhanced: bends exactly
         reduced_hex20: true or false, default false. 2 x 2 x 2 integration points
+        erosion: {...}. { strain = 0.2 }: elements that pass a limit fail and are gone (elements that fail)
         material: a name of [materials] or {young, poisson, density, law}. a name of [materials] or a table
         materials: table. of element sets: { LINER = "brass", BODY = { young = 210e9, poisson = 0.3, density = 7850 }
             }. They go before those of the file

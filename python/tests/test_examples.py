@@ -10,7 +10,7 @@ import pytest
 import espalier as esp
 from espalier import _command
 
-GALLERY = {"bicycle", "blade", "chain", "engine", "gears", "overhung_disc", "pendulum", "rotor", "sprocket", "tyre"}
+GALLERY = {"bicycle", "blade", "chain", "engine", "gears", "overhung_disc", "pendulum", "rotor", "sprocket", "torn_link", "tyre"}
 
 
 def test_all_models_of_the_gallery_are_there_and_can_be_read():

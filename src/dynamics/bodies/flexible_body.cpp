@@ -60,6 +60,12 @@ void FlexibleBody::set_gravity(const Point& gravity) {
   });
 }
 
+void FlexibleBody::set_failed(std::vector<char> failed) {
+  assembly_.set_failed(std::move(failed), pool());
+  mass_ = assembly_.mass(reference_.data(), pool());
+  set_gravity(gravity_);
+}
+
 void FlexibleBody::set_initial_motion(const std::array<double, 9>& r, const Point& translation, const Point& velocity,
                                       const Point& w) {
   for (Index v = 0; v < assembly_.vertices(); ++v) {
@@ -213,7 +219,7 @@ void FlexibleBody::for_ranges_of_vertices(const Body& body) const {
 }
 
 bool FlexibleBody::fits_device() const {
-  bool all = vertices_per_node_ == 1 || assembly_.elements() >= fewest_on_device_;
+  bool all = !elements_fail_ && (vertices_per_node_ == 1 || assembly_.elements() >= fewest_on_device_);
   assembly_.for_each_group(
       [&](const ElementGroup& group, std::span<const Index>) { all = all && group.device_law() != nullptr; });
   return all;

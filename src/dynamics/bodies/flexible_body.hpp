@@ -80,6 +80,12 @@ class FlexibleBody final : public Component {
   /// Label of the element that the last evaluation found inverted, or -1. Its forces were NaN.
   [[nodiscard]] std::int64_t inverted_element() const { return inverted_; }
 
+  // Elements that fail: ElementAssembly::set_failed(), with mass and weight. The pattern is another one then: the
+  // system's finish() has to follow before anything is evaluated.
+  /// Before the first evaluation: elements may fail, so that the host evaluates them.
+  void let_elements_fail() { elements_fail_ = true; }
+  void set_failed(std::vector<char> failed);
+
   // Component
   [[nodiscard]] Sizes sizes() const override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
@@ -136,6 +142,7 @@ class FlexibleBody final : public Component {
   std::unique_ptr<DeviceBody> device_;
   Index fewest_on_device_ = 500;  // elements, where a node has more than its position
   bool residual_started_ = false, tangent_started_ = false;
+  bool elements_fail_ = false;
   bool forces_stay_ = false;  // of the residual that was started: on the GPU
   BodyState planned_;         // of plan_residual()
   bool residual_planned_ = false;

@@ -54,6 +54,7 @@ void ElementAssembly::add_kind(std::unique_ptr<ElementGroup> group, Index vertic
 
 void ElementAssembly::build_pattern(Index vertices, base::ThreadPool* pool) {
   constexpr Index kVertices = 2048;  // of a range
+  pattern_ = {};
   std::vector<std::vector<Index>> parts(at((vertices + kVertices - 1) / kVertices));
   pattern_.ptr.assign(at(vertices) + 1, 0);
   for_each_range(pool, vertices, kVertices, [&](std::int64_t begin, std::int64_t end) {
@@ -88,8 +89,18 @@ void ElementAssembly::build_batches(Kind& kind, base::ThreadPool* pool) const {
   kind.batches.resize(at((kind.count() + size - 1) / size));
   for_each_range(pool, static_cast<std::int64_t>(kind.batches.size()), 1, [&](std::int64_t k, std::int64_t) {
     const auto first = static_cast<Index>(k) * size;
-    kind.batches[at(k)] = make_pair_list(kind.connectivity(), pattern_, first, std::min(first + size, kind.count()));
+    kind.batches[at(k)] = make_pair_list(kind.connectivity(), pattern_, first, std::min(first + size, kind.count()),
+                                         kind.part_of(failed_));
   });
+}
+
+void ElementAssembly::set_failed(std::vector<char> failed, base::ThreadPool* pool) {
+  if (!failed.empty() && failed.size() != at(elements_))
+    throw std::invalid_argument(fmt::format("{} marks of failed elements, the body has {}", failed.size(), elements_));
+  failed_ = std::move(failed);
+  for (Kind& kind : kinds_) kind.forces = make_force_list(kind.connectivity(), vertices(), kind.part_of(failed_));
+  build_pattern(vertices(), pool);
+  for (Kind& kind : kinds_) build_batches(kind, pool);
 }
 
 int ElementAssembly::batches() const {
@@ -108,11 +119,20 @@ std::int64_t ElementAssembly::label(std::int64_t element) const {
   return -1;
 }
 
+std::unordered_map<std::int64_t, Index> ElementAssembly::numbers_by_label() const {
+  std::unordered_map<std::int64_t, Index> numbers;
+  for (const Kind& kind : kinds_)
+    for (Index e = 0; e < kind.count(); ++e)
+      numbers.emplace(kind.group->label(e), static_cast<Index>(kind.first_element) + e);
+  return numbers;
+}
+
 /// The state for all elements, and what they are found to be.
 struct ElementAssembly::Evaluation {
   AssemblyState state;
   double position_weight, velocity_weight;
   double* energies;  // of all elements
+  std::span<const char> failed;
   std::atomic<std::int64_t> first_bad{std::numeric_limits<std::int64_t>::max()};
 
   /// Evaluates the elements first .. last - 1 of a kind, at most as many as it has lanes, and at `force` and, if not
@@ -121,8 +141,9 @@ struct ElementAssembly::Evaluation {
     const int lanes = kind.layout.lanes();
     alignas(64) double reference[kNumbers], position[kNumbers], velocity[kNumbers];
     for (int lane = 0; lane < lanes; ++lane) {
-      const Index* vertex = kind.vertex.data() + at(std::min(first + lane, last - 1)) * at(kind.layout.vertices());
-      gather(vertex, kind.layout, lane, reference, position, velocity);
+      const Index e = std::min(first + lane, last - 1);
+      const Index* vertex = kind.vertex.data() + at(e) * at(kind.layout.vertices());
+      gather(vertex, kind.layout, lane, has_failed(kind, e), reference, position, velocity);
     }
     const double* rates = state.velocity == nullptr ? nullptr : velocity;
     double energy[kMaxLanes];
@@ -141,34 +162,46 @@ struct ElementAssembly::Evaluation {
     for (Index e = first; e < last; ++e) {
       const auto lane = static_cast<int>(e - first);
       energies[kind.first_element + e] = energy[lane];
-      if ((whole >> lane & 1) == 0) spoil(kind, e, lane, force, tangent);
+      if (has_failed(kind, e))
+        fill(kind, e, lane, force, tangent, 0.0);
+      else if ((whole >> lane & 1) == 0)
+        spoil(kind, e, lane, force, tangent);
     }
   }
 
  private:
   static constexpr int kNumbers = kMaxElementDofs * kMaxLanes;
 
-  void gather(const Index* vertex, const ResultLayout& layout, int lane, double* reference, double* position,
-              double* velocity) const {
+  [[nodiscard]] bool has_failed(const Kind& kind, Index e) const {
+    return !failed.empty() && failed[at(kind.first_element + e)] != 0;
+  }
+
+  /// One that has failed may be anywhere: it is evaluated at rest, and what it gives is not taken.
+  void gather(const Index* vertex, const ResultLayout& layout, int lane, bool at_rest, double* reference,
+              double* position, double* velocity) const {
     const std::size_t lanes = at(layout.lanes());
     std::size_t to = at(lane);
+    const double* places = at_rest ? state.reference : state.position;
     for (int a = 0; a < layout.vertices(); ++a)
       for (std::size_t i = 0; i < 3; ++i, to += lanes) {
         const std::size_t from = 3 * at(vertex[a]) + i;
         reference[to] = state.reference[from];
-        position[to] = state.position[from];
-        if (state.velocity != nullptr) velocity[to] = state.velocity[from];
+        position[to] = places[from];
+        if (state.velocity != nullptr) velocity[to] = at_rest ? 0 : state.velocity[from];
       }
+  }
+
+  void fill(const Kind& kind, Index e, int lane, double* force, double* tangent, double value) {
+    const int lanes = kind.layout.lanes();
+    for (int k = 0; k < kind.layout.forces(); ++k) force[k * lanes + lane] = value;
+    for (int k = 0; k < kind.layout.tangents() && tangent != nullptr; ++k) tangent[k * lanes + lane] = value;
+    energies[kind.first_element + e] = value;
   }
 
   /// What an element that is not whole gives: no numbers.
   void spoil(const Kind& kind, Index e, int lane, double* force, double* tangent) {
-    constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-    const int lanes = kind.layout.lanes();
-    for (int k = 0; k < kind.layout.forces(); ++k) force[k * lanes + lane] = kNan;
-    for (int k = 0; k < kind.layout.tangents() && tangent != nullptr; ++k) tangent[k * lanes + lane] = kNan;
+    fill(kind, e, lane, force, tangent, std::numeric_limits<double>::quiet_NaN());
     const std::int64_t number = kind.first_element + e;
-    energies[number] = kNan;
     for (std::int64_t seen = first_bad.load(); number < seen && !first_bad.compare_exchange_weak(seen, number);) {
     }
   }
@@ -183,7 +216,7 @@ std::int64_t ElementAssembly::add_forces(base::ThreadPool* pool, const AssemblyS
 }
 
 void ElementAssembly::begin_forces(const AssemblyState& state) {
-  forces_.reset(new Evaluation{state, 1, 0, energies_.data()});
+  forces_.reset(new Evaluation{state, 1, 0, energies_.data(), failed_});
   if (buffer_[0].size() < at(force_numbers_)) buffer_[0].resize(at(force_numbers_));
 }
 
@@ -296,40 +329,9 @@ void ElementAssembly::add_tangent_of(const Kind& kind, base::ThreadPool* pool, E
 
 std::int64_t ElementAssembly::add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
                                           double velocity_weight, const BlockTarget& target) {
-  Evaluation evaluation{state, position_weight, velocity_weight, energies_.data()};
+  Evaluation evaluation{state, position_weight, velocity_weight, energies_.data(), failed_};
   for (const Kind& kind : kinds_) add_tangent_of(kind, pool, evaluation, target);
   return label(evaluation.first_bad);
-}
-
-std::vector<double> ElementAssembly::mass(const double* reference, base::ThreadPool* pool) const {
-  std::vector<double> values(pattern_.ind.size(), 0.0), results;
-  for (const Kind& kind : kinds_) {
-    const int n = kind.layout.vertices();
-    const std::size_t size = at(n) * at(n);
-    for (const PairList& batch : kind.batches) {
-      results.resize(at(batch.last - batch.first) * size);
-      for_each_range(pool, batch.last - batch.first, 32, [&](std::int64_t begin, std::int64_t end) {
-        for (std::int64_t e = begin; e < end; ++e) {
-          double x[kMaxElementDofs];
-          const Index* vertex = kind.vertex.data() + at(batch.first + e) * at(n);
-          for (int k = 0; k < 3 * n; ++k) x[k] = reference[3 * vertex[k / 3] + k % 3];
-          kind.group->mass(batch.first + static_cast<Index>(e), x, &results[at(e) * size]);
-        }
-      });
-      for_each_range(pool, static_cast<std::int64_t>(batch.pair.size()), 2048,
-                     [&](std::int64_t begin, std::int64_t end) {
-                       for (auto p = at(begin); p < at(end); ++p) {
-                         double sum = values[at(batch.pair[p].entry)];
-                         for (std::int32_t k = batch.ptr[p]; k < batch.ptr[p + 1]; ++k) {
-                           const BlockSource s(batch.from[at(k)]);
-                           sum += results[at(s.element) * size + at(s.b) * at(n) + at(s.a)];
-                         }
-                         values[at(batch.pair[p].entry)] = values[at(batch.pair[p].mirror)] = sum;
-                       }
-                     });
-    }
-  }
-  return values;
 }
 
 }  // namespace espalier::dynamics

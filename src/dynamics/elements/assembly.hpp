@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <unordered_map>
 #include <vector>
 
 #include "base/thread_pool.hpp"
@@ -57,8 +58,23 @@ class ElementAssembly {
   void for_each_group(const Use& use) const {
     for (const Kind& kind : kinds_) use(*kind.group, std::span<const Index>(kind.vertex));
   }
+  /// Elements with a mark (one for each, in the order in which they are counted; empty: none) give no force, tangent or
+  /// energy from now on, whatever their state is, and their pairs of vertices leave pattern() unless other elements
+  /// have them. Their mass stays, lumped: see mass(). What a mark stands for may be taken back by another call.
+  void set_failed(std::vector<char> failed, base::ThreadPool* pool = nullptr);
+  [[nodiscard]] std::span<const char> failed() const { return failed_; }
+  /// Masses of an element: between its n vertices (n x n), and one for each where it has failed.
+  struct ElementMass {
+    std::span<const Index> vertices;
+    std::vector<double> consistent, lumped;
+  };
+  /// Lumped by scaling the diagonal to the whole mass, so that none is negative whatever the shape: E. Hinton, T. Rock,
+  /// O. C. Zienkiewicz, Earthquake Engng. Struct. Dyn. 4 (1976). @pre 0 <= element < elements()
+  [[nodiscard]] ElementMass element_mass(Index element, const double* reference) const;
   /// What messages call element number `element` over all groups; -1: none has this number.
   [[nodiscard]] std::int64_t label(std::int64_t element) const;
+  /// Numbers of the elements by what messages call them; of several with one label the first.
+  [[nodiscard]] std::unordered_map<std::int64_t, Index> numbers_by_label() const;
   /// Number of batches that a tangent is made in.
   [[nodiscard]] int batches() const;
 
@@ -81,7 +97,7 @@ class ElementAssembly {
   /// Adds position_weight * df/dq + velocity_weight * df/dv. @return as add_forces (its block is NaN)
   std::int64_t add_tangent(base::ThreadPool* pool, const AssemblyState& state, double position_weight,
                            double velocity_weight, const BlockTarget& target);
-  /// Consistent mass, one number per entry of pattern().
+  /// Consistent mass, one number per entry of pattern(); that of elements that have failed is lumped to their vertices.
   [[nodiscard]] std::vector<double> mass(const double* reference, base::ThreadPool* pool = nullptr) const;
 
  private:
@@ -96,6 +112,12 @@ class ElementAssembly {
     std::vector<PairList> batches;
     [[nodiscard]] Connectivity connectivity() const { return {layout.vertices(), vertex}; }
     [[nodiscard]] Index count() const { return static_cast<Index>(vertex.size()) / layout.vertices(); }
+    /// Of the marks of all elements those of its own.
+    [[nodiscard]] std::span<const char> part_of(std::span<const char> failed) const {
+      return failed.empty()
+                 ? failed
+                 : failed.subspan(static_cast<std::size_t>(first_element), static_cast<std::size_t>(count()));
+    }
   };
   struct Evaluation;
   void add_kind(std::unique_ptr<ElementGroup> group, Index vertices);
@@ -107,6 +129,7 @@ class ElementAssembly {
 
   std::vector<Kind> kinds_;
   Index elements_ = 0;
+  std::vector<char> failed_;                    // a mark for each element; empty: none has failed
   std::int64_t tasks_ = 0, force_numbers_ = 0;  // of begin_forces()
   VertexPattern pattern_;
   std::vector<double> buffer_[2];       // results of elements: forces; tangents of a batch and of the one before

@@ -9,17 +9,18 @@
 
 namespace espalier::dynamics {
 
-namespace {}  // namespace
-
-ForceList make_force_list(const Connectivity& c, Index vertices) {
+ForceList make_force_list(const Connectivity& c, Index vertices, std::span<const char> failed) {
   ForceList list;
   list.ptr.assign(at(vertices) + 1, 0);
-  for (const Index v : c.vertex) ++list.ptr[at(v) + 1];
+  const auto for_places = [&](const auto& use) {
+    for (std::size_t k = 0; k < c.vertex.size(); ++k)
+      if (failed.empty() || failed[k / at(c.vertices)] == 0) use(k);
+  };
+  for_places([&](std::size_t k) { ++list.ptr[at(c.vertex[k]) + 1]; });
   for (std::size_t v = 0; v < at(vertices); ++v) list.ptr[v + 1] += list.ptr[v];
-  list.from.resize(c.vertex.size());
+  list.from.resize(at(list.ptr.back()));
   std::vector<std::int32_t> next(list.ptr.begin(), list.ptr.end() - 1);
-  for (std::size_t k = 0; k < c.vertex.size(); ++k)
-    list.from[at(next[at(c.vertex[k])]++)] = static_cast<std::int32_t>(k);
+  for_places([&](std::size_t k) { list.from[at(next[at(c.vertex[k])]++)] = static_cast<std::int32_t>(k); });
   return list;
 }
 
@@ -32,7 +33,8 @@ Offset VertexPattern::entry(Index row, Index column) const {
   return found - ind.begin();
 }
 
-PairList make_pair_list(const Connectivity& c, const VertexPattern& pattern, Index first, Index last) {
+PairList make_pair_list(const Connectivity& c, const VertexPattern& pattern, Index first, Index last,
+                        std::span<const char> failed) {
   struct Source {
     std::uint64_t place;  // column, row: the order of the pairs
     std::int32_t from;
@@ -40,6 +42,7 @@ PairList make_pair_list(const Connectivity& c, const VertexPattern& pattern, Ind
   std::vector<Source> sources;
   const int n = c.vertices;
   for (Index e = first; e < last; ++e) {
+    if (!failed.empty() && failed[at(e)] != 0) continue;
     const Index* vertex = c.vertex.data() + at(e) * at(n);
     for (int b = 0; b < n; ++b)
       for (int a = 0; a < n; ++a)

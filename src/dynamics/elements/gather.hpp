@@ -49,8 +49,9 @@ struct Connectivity {
 struct ForceList {
   std::vector<std::int32_t> ptr, from;
 };
+/// @param failed  a mark for each element: those that have one are left out; empty: none has. Here and below
 /// @pre elements * n < 2^31; vertices in range
-ForceList make_force_list(const Connectivity& c, Index vertices);
+ForceList make_force_list(const Connectivity& c, Index vertices, std::span<const char> failed = {});
 
 /// Pairs of vertices that share an element, by columns: rows of column b are ind[ptr[b] .. ptr[b + 1]), sorted.
 /// The pattern is symmetric and holds the diagonal.
@@ -78,7 +79,8 @@ struct PairList {
 };
 inline constexpr Index kMostElementsOfList = Index{1} << 21;
 /// @pre last - first <= kMostElementsOfList, n <= 32
-PairList make_pair_list(const Connectivity& c, const VertexPattern& pattern, Index first, Index last);
+PairList make_pair_list(const Connectivity& c, const VertexPattern& pattern, Index first, Index last,
+                        std::span<const char> failed = {});
 
 /// Element and local vertices of a number of PairList::from.
 struct BlockSource {

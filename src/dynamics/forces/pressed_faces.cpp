@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <map>
 #include <stdexcept>
+#include <unordered_map>
 
 #include "base/at.hpp"
 #include "dynamics/elements/pressure.hpp"
@@ -24,10 +25,12 @@ void check_solid(const FlexibleBody& body) {
 
 class NodalFaces final : public PressedFaces {
  public:
-  NodalFaces(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces) {
+  NodalFaces(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces) : body_(body) {
     std::map<Index, std::size_t> known;
+    const std::unordered_map<std::int64_t, Index> numbers = body.assembly().numbers_by_label();
     for (const MeshFace& face : faces) {
-      Face next{face_type(mesh, face), {}, {}, {}, {}};
+      const auto number = numbers.find(mesh.element_label(face.element));
+      Face next{face_type(mesh, face), number == numbers.end() ? -1 : number->second, {}, {}, {}, {}};
       const std::vector<Index> nodes = mesh.face_nodes(face);
       for (const Index node : nodes) {
         static_cast<void>(body.assembly().pattern().entry(node, nodes.front()));
@@ -56,6 +59,7 @@ class NodalFaces final : public PressedFaces {
   [[nodiscard]] std::vector<double> slope(ConstSpan q) const override {
     std::vector<double> result(rows_.size(), 0.0);
     for (const Face& face : faces_) {
+      if (has_failed(face)) continue;
       double x[kMost], force[kMost] = {};
       gather(face, q, x);
       add_pressure_force(face.type, -1, x, force);
@@ -65,6 +69,7 @@ class NodalFaces final : public PressedFaces {
   }
   void add_tangent(ConstSpan q, double scale, Span w_values) const override {
     for (const Face& face : faces_) {
+      if (has_failed(face)) continue;
       double x[kMost], k[kMost * kMost] = {};
       gather(face, q, x);
       add_pressure_tangent(face.type, 1, -scale, x, k);
@@ -75,6 +80,7 @@ class NodalFaces final : public PressedFaces {
  private:
   struct Face {
     ElementType type;
+    Index element;                 ///< whose face it is, by the number in the body's assembly; -1: not known
     std::vector<Index> rows;       ///< velocity coordinates, three for every node
     std::vector<Index> places;     ///< of the same numbers in the configuration
     std::vector<std::size_t> own;  ///< of the same in rows()
@@ -83,6 +89,12 @@ class NodalFaces final : public PressedFaces {
   static void gather(const Face& face, ConstSpan q, double* x) {
     for (std::size_t i = 0; i < face.places.size(); ++i) x[i] = q[at(face.places[i])];
   }
+  /// Nothing presses on an element that is not there any more.
+  [[nodiscard]] bool has_failed(const Face& face) const {
+    const std::span<const char> failed = body_.assembly().failed();
+    return face.element >= 0 && !failed.empty() && failed[at(face.element)] != 0;
+  }
+  const FlexibleBody& body_;
   std::vector<Face> faces_;
 };
 

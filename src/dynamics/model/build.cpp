@@ -14,6 +14,7 @@
 #include "dynamics/model/assembly/solid_materials.hpp"
 #include "dynamics/model/builders.hpp"
 #include "dynamics/model/element_notices.hpp"
+#include "dynamics/model/erosion/erosion.hpp"
 #include "dynamics/model/hold_joint.hpp"
 #include "dynamics/model/joint_frames.hpp"
 #include "dynamics/model/joint_kinds/kind.hpp"
@@ -46,6 +47,7 @@ class Builder {
       at_place(joints_[k].place, [&] { build_contacts(joints_[k], frames_, *out_.joints[k], out_); });
     build_surface_contacts(model_, frames_, out_);
     build_controls(model_, out_);
+    add_erosion(out_);
     build_controllers(model_, out_);
     build_functions(model_, out_);
     out_.system.finish();

@@ -87,12 +87,21 @@ struct MeshPart {
   MeshSize size;
 };
 
+/// When elements of a solid fail: where one of the limits is passed at a point of integration. 0: there is none.
+struct ErosionSpec {
+  Place place;
+  double strain = 0;            ///< largest principal strain, logarithmic
+  double stress = 0;            ///< von Mises, of Cauchy's stress, as the next
+  double principal_stress = 0;  ///< the largest
+};
+
 struct SolidSpec {
   std::variant<MeshFile, MeshPart> mesh;
   std::string element_set;           ///< empty: all elements
   std::optional<Material> material;  ///< none: what the mesh file states
   SolidOptions options;
   std::vector<std::pair<std::string, Material>> set_materials{};  ///< of element sets; what is in none has `material`
+  std::optional<ErosionSpec> erosion{};                           ///< none: elements hold whatever they bear
 };
 /// What stresses in a section need beside its stiffness.
 struct SectionOutline {
@@ -187,6 +196,11 @@ struct BodySpec {
   double loss_factor = 0, loss_frequency = 0;
   std::optional<ReductionOptions> reduction;  ///< of flexible bodies; none: all nodes move
   [[nodiscard]] bool rigid() const { return std::holds_alternative<RigidSpec>(shape); }
+  /// Null: no element fails.
+  [[nodiscard]] const ErosionSpec* erosion() const {
+    const auto* solid = std::get_if<SolidSpec>(&shape);
+    return solid != nullptr && solid->erosion ? &*solid->erosion : nullptr;
+  }
 };
 
 // Frames -------------------------------------------------------------------------------------------------------------
@@ -585,6 +599,9 @@ void set_rotation(Description& model);
 /// A frame of a joint or force: a name (frames/names.hpp) or a table.
 [[nodiscard]] MarkerSpec read_marker(const Value& value, const std::string& name);
 void read_bodies(Section& root, Description& model);
+[[nodiscard]] ErosionSpec read_erosion(Section s);
+/// What bodies whose elements fail do not go with. @throws Error(invalid_input) with the place
+void check_erosion(const Description& model);
 void read_joints(Section& root, Description& model);
 void read_forces(Section& root, Description& model);
 void read_supports(Section& root, Description& model);

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 #include <vector>
 
 #include "dense/dense.hpp"
@@ -141,8 +142,12 @@ std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q
   const bool shell = solid->options.hex8 == Hex8Formulation::shell;
   if (!shell && solid->options.hex8 != Hex8Formulation::enhanced) return std::nullopt;
   double least = 1;
+  const std::span<const char> failed = body.flexible->assembly().failed();
+  std::unordered_map<std::int64_t, Index> numbers;
+  if (!failed.empty()) numbers = body.flexible->assembly().numbers_by_label();
   for (const Index e : elements_of(*body.mesh, *solid)) {
     if (body.mesh->type(e) != ElementType::hex8) continue;
+    if (!failed.empty() && failed[static_cast<std::size_t>(numbers.at(body.mesh->element_label(e)))] != 0) continue;
     const auto nodes = body.mesh->element(e);
     const double* now = q.data() + body.flexible->placement().q;
     const Compression c = compression_of(places(nodes, body.flexible->reference().data()), places(nodes, now));

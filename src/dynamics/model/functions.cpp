@@ -7,6 +7,7 @@
 
 #include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/model/controllers/controllers.hpp"
+#include "dynamics/model/erosion/erosion.hpp"
 #include "dynamics/model/mechanism.hpp"
 
 namespace espalier::dynamics::model {
@@ -173,12 +174,19 @@ class ExpressionFunction final : public CompositeFunction {
   Formula formula_;
 };
 
+/// How many of its elements have failed, where they can.
+Offer of_flexible_body(const Mechanism& mechanism, const std::string& body) {
+  const double* failed = mechanism.erosion == nullptr ? nullptr : mechanism.erosion->failed_elements(body);
+  if (failed == nullptr) return {};
+  return {{}, {{"failed_elements", std::make_shared<InputFunction>(failed)}}};
+}
+
 }  // namespace
 
 std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string& object) {
   if (const BuiltBody* body = mechanism.body(object)) {
     if (body->rigid != nullptr) return of_frame(std::make_shared<RigidFrame>(*body->rigid));
-    if (body->point == nullptr) return Offer{};
+    if (body->point == nullptr) return of_flexible_body(mechanism, object);
     const auto frame = std::make_shared<PointFrame>(*body->point);
     return Offer{{{"position", motion_of(frame, Motion::position)}, {"velocity", motion_of(frame, Motion::velocity)}},
                  {}};
@@ -287,7 +295,7 @@ StateFunctionPtr find_function(const Mechanism& mechanism, const std::string& re
   std::vector<std::string> known;
   for (const auto& [name, function] : offer->scalars) known.push_back(name);
   for (const auto& [name, function] : offer->vectors) known.push_back(name);
-  if (known.empty() && mechanism.body(parts[0]) != nullptr)
+  if (const BuiltBody* body = mechanism.body(parts[0]); body != nullptr && body->flexible != nullptr)
     refuse(fmt::format("expressions know flexible bodies by markers on them; give '{}' one", parts[0]));
   if (mechanism.surface_contact(parts[0]) != nullptr)
     refuse("what a contact says goes to outputs; expressions take no part of it");

@@ -31,6 +31,7 @@ class ModalDamping;
 namespace espalier::dynamics::model {
 
 class Controllers;
+class Erosion;
 
 /// One body of the system; one of the first three pointers is set.
 struct BuiltBody {
@@ -114,6 +115,7 @@ class Mechanism {
   ModalDamping* modal_damping = nullptr;               ///< null: no body asks for it
   Controls* controls = nullptr;                        ///< null: nothing can be set, switched or happen
   Controllers* controllers = nullptr;                  ///< null: there are no FMUs
+  Erosion* erosion = nullptr;                          ///< null: no body has elements that fail
   std::vector<std::string> notices;                    ///< what joints do not fit at the start, and how they hold faces
   std::vector<contact::RigidSurface> ground_surfaces;  ///< for pictures
   std::set<std::pair<std::string, std::vector<Index>>> rigid_pieces;  ///< bodies with nodes that are one rigid piece

@@ -1,6 +1,5 @@
 #include "dynamics/model/pictures.hpp"
 
-#include <array>
 #include <cmath>
 #include <filesystem>
 
@@ -35,7 +34,7 @@ std::string units_of(const Mechanism& mechanism) {
 
 struct Pictures::Picture {
   double time = 0;
-  std::vector<double> points, displacement, velocity, von_mises, contact_pressure, quantities;
+  std::vector<double> points, displacement, velocity, von_mises, failed, contact_pressure, quantities;
 };
 
 Pictures::Pictures(const std::string& folder, const std::string& name, PictureFormat format, const Mechanism& mechanism,
@@ -46,6 +45,7 @@ Pictures::Pictures(const std::string& folder, const std::string& name, PictureFo
   if (std::isnan(keep_until)) remove_others(folder, name, format);
   if (format == PictureFormat::vtkhdf) {
     VtkHdfLayout layout{&scene_.cells(), initial_.size() / 3, scene_.body(), {}, {}, {{"von_mises", 1}}, {}};
+    if (!scene_.failed(initial).empty()) layout.cell_fields.push_back({"failed", 1});
     for (const BuiltBody& body : mechanism.bodies) layout.body_names.push_back(body.spec.name);
     layout.point_fields = {{"displacement", 3}, {"velocity", 3}};
     if (!scene_.contact_pressure(initial).empty()) layout.point_fields.push_back({"contact_pressure", 1});
@@ -71,6 +71,7 @@ void Pictures::write(const State& s, double time, std::vector<double> quantities
   picture->points = scene_.points();
   picture->velocity = scene_.velocity();
   picture->von_mises = scene_.von_mises(s);
+  picture->failed = scene_.failed(s);
   picture->contact_pressure = scene_.contact_pressure(s);
   picture->displacement.resize(initial_.size());
   for (std::size_t i = 0; i < initial_.size(); ++i) picture->displacement[i] = picture->points[i] - initial_[i];
@@ -81,6 +82,7 @@ void Pictures::write(const State& s, double time, std::vector<double> quantities
 void Pictures::write_frame(const Picture& picture) {
   VtkHdfFrame frame{
       picture.time, picture.points, {picture.displacement, picture.velocity}, {picture.von_mises}, picture.quantities};
+  if (!picture.failed.empty()) frame.cell_fields.emplace_back(picture.failed);
   if (!picture.contact_pressure.empty()) frame.point_fields.emplace_back(picture.contact_pressure);
   file_->write(frame);
 }
@@ -89,8 +91,8 @@ void Pictures::write_vtu(const Picture& picture) {
   std::vector<OutputField> point_fields = {{"displacement", 3, picture.displacement},
                                            {"velocity", 3, picture.velocity}};
   if (!picture.contact_pressure.empty()) point_fields.push_back({"contact_pressure", 1, picture.contact_pressure});
-  const std::array<OutputField, 2> cell_fields = {OutputField{"body", 1, body_},
-                                                  OutputField{"von_mises", 1, picture.von_mises}};
+  std::vector<OutputField> cell_fields = {{"body", 1, body_}, {"von_mises", 1, picture.von_mises}};
+  if (!picture.failed.empty()) cell_fields.push_back({"failed", 1, picture.failed});
   dynamics::write_vtu(series_->file_name(0), picture.points, scene_.cells(), point_fields, cell_fields);
   series_->add(picture.time, 0);
 }

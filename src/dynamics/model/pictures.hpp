@@ -14,7 +14,8 @@
 namespace espalier::dynamics::model {
 
 /// Point fields: displacement (from the initial state), velocity and, where solids have contacts, contact_pressure;
-/// cell fields: body (number in order of the text), von_mises. As one file, with quantities, or as a series of .vtu.
+/// cell fields: body (number in order of the text), von_mises and, where elements can fail, failed (1 where one has).
+/// As one file, with quantities, or as a series of .vtu.
 class Pictures {
  public:
   /// @param name  of the series, NAME.pvd or NAME.vtkhdf (of "motion": results.vtkhdf)

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 
+#include "dynamics/model/erosion/erosion.hpp"
 #include "dynamics/model/fields/field_request.hpp"
 #include "dynamics/model/functions.hpp"
 
@@ -72,10 +73,13 @@ Columns of_energy(Mechanism& mechanism) {
     if (!s.energy) s.energy = mechanism.system.energy(s.state->view());
     return *s.energy;
   };
-  return {{},
-          {{"kinetic", [energy](const Sample& s) { return energy(s).kinetic; }},
-           {"potential", [energy](const Sample& s) { return energy(s).potential; }},
-           {"total", [energy](const Sample& s) { return energy(s).total(); }}}};
+  Columns columns{{},
+                  {{"kinetic", [energy](const Sample& s) { return energy(s).kinetic; }},
+                   {"potential", [energy](const Sample& s) { return energy(s).potential; }},
+                   {"total", [energy](const Sample& s) { return energy(s).total(); }}}};
+  if (const Erosion* erosion = mechanism.erosion; erosion != nullptr)
+    columns.scalars.emplace_back("failed", [erosion](const Sample&) { return erosion->lost_energy(); });
+  return columns;
 }
 
 Columns of_contact(const BuiltContact& contact) {
@@ -132,8 +136,12 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
   if (const BuiltContact* contact = mechanism.surface_contact(object)) return of_contact(*contact);
   const BuiltBody* body = mechanism.body(object);
   if (body != nullptr && body->reduced != nullptr) return of_flexible(*body->reduced, body->spec.massless);
-  if (body != nullptr && body->flexible != nullptr) return of_flexible(*body->flexible, body->spec.massless);
   const std::optional<Offer> offer = functions_of(mechanism, object);
+  if (body != nullptr && body->flexible != nullptr) {
+    Columns columns = of_flexible(*body->flexible, body->spec.massless);
+    for (auto& [name, value] : columns_of(*offer).scalars) columns.scalars.emplace_back(name, value);
+    return columns;
+  }
   if (!offer) {
     std::vector<std::string> names = {"energy", "constraints", "step"};
     for (const std::string& name : object_names(mechanism)) names.push_back(name);
@@ -191,6 +199,7 @@ std::string dimension_of(const std::string& object, const std::string& what) {
                                                                  {"area", "length^2"},
                                                                  {"slip_speed", "length/time"},
                                                                  {"energy", "energy"},
+                                                                 {"failed_elements", "1"},
                                                                  {"points", "1"},
                                                                  {"slipping", "1"}};
   if (object == "inputs" || object == "sensors" || object == "constraints") return "";

@@ -270,6 +270,7 @@ class BodyReader {
     solid.options.hex8 =
         static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));
     solid.options.reduced_hex20 = s.flag("reduced_hex20", false);
+    if (auto e = s.table("erosion")) solid.erosion = read_erosion(*e);
     return solid;
   }
 

@@ -326,6 +326,7 @@ Description read_whole(const Value& root_value, const std::string& file) try {
   check_names(model);
   settle_frame_names(model);
   check_densities(model);
+  check_erosion(model);
   set_rotation(model);
   if (!model.controllers.empty() && !(model.moves && !model.statics))
     fail(model.controllers.front().place, "an FMU is stepped through time; the model needs [integrator] for that");

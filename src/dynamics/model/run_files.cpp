@@ -56,6 +56,7 @@ RunFiles::RunFiles(const OutputSpec& spec, std::string folder, Mechanism& mechan
   }
   if (spec_.energies)
     for (const char* name : {"energy.kinetic", "energy.potential", "energy.total"}) add(name);
+  if (spec_.energies && mechanism_.erosion != nullptr) add("energy.failed");
   if (spec_.constraints)
     for (const char* name : {"constraints.position", "constraints.velocity", "constraints.acceleration"}) add(name);
   if (spec_.step_data)

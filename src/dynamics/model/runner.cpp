@@ -388,6 +388,7 @@ void Runner::step(double limit) {
   balance_->step(current());
   if (model_.integrator.method == Method::bdf && model_.integrator.bdf.fixed_step == 0) held_.step(current());
   happen();
+  if (erode()) happen();
   if (last_report_.index % kWatchEvery == 0) guard_->check(current());
   if (last_report_.index % kLookEvery == 0) note_elements();
   const Phase output("output", summary_.phases.output, trace_.get());
@@ -428,6 +429,7 @@ void Runner::note_steps() {
   if (const std::optional<std::string> notice = balance_ ? balance_->notice() : std::nullopt)
     notices.push_back(*notice);
   if (const std::optional<std::string> notice = held_.notice()) notices.push_back(*notice);
+  note_erosion();
   const IntegratorCounts& c = integrator_->counts();
   // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
   constexpr double kWorthSaying = 1e-6;

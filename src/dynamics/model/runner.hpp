@@ -130,10 +130,12 @@ class Runner {
   void begin_anew(const EventSpec& event, const Change& change);
   void take_up_switches();
   void meet_impacts();                           ///< runner_impacts.cpp
+  [[nodiscard]] bool erode();                    ///< elements that fail; likewise. @return whether there were any
   [[nodiscard]] bool reached(double end) const;  ///< that time, or the number of steps asked for
   void choose(const std::string& request, const Place& place);
   void watch_from_here();  ///< energy and steps: at the start, and where the state jumps
   void write_table_of_paths();
+  void note_erosion();   ///< runner_impacts.cpp
   void note_elements();  ///< what is known of their weaknesses, once for each body
   void note_steps();     ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
   /// Of the present state; reactions that redundant constraints leave open are shared out.

@@ -1,4 +1,5 @@
-// Impacts of rigid bodies (contacts with law = "impulse"): velocities jump, and the motion begins anew.
+// What lets velocities jump, so that the motion begins anew: impacts of rigid bodies (contacts with law = "impulse"),
+// elements that fail.
 #include <fmt/format.h>
 
 #include <cmath>
@@ -6,6 +7,7 @@
 
 #include "dynamics/contact/impact.hpp"
 #include "dynamics/integrators/initial.hpp"
+#include "dynamics/model/erosion/erosion.hpp"
 #include "dynamics/model/runner.hpp"
 
 namespace espalier::dynamics::model {
@@ -36,6 +38,23 @@ void Runner::meet_impacts() {
   make_consistent(*equations_, state_);
   integrator_->start(state_);
   watch_from_here();
+}
+
+bool Runner::erode() {
+  if (mechanism_->erosion == nullptr || !mechanism_->erosion->look(current())) return false;
+  state_ = current();
+  mechanism_->erosion->fail(*equations_, state_);
+  make_consistent(*equations_, state_);
+  integrator_->start(state_);
+  watch_from_here();
+  return true;
+}
+
+void Runner::note_erosion() {
+  if (mechanism_->erosion == nullptr) return;
+  for (std::string& notice : mechanism_->erosion->notices()) summary_.notices.push_back(std::move(notice));
+  if (equations_->kkt().gpu() >= 0)
+    summary_.notices.emplace_back("bodies with elements that may fail (erosion) are evaluated on the host");
 }
 
 }  // namespace espalier::dynamics::model

@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <unordered_map>
 
 #include "base/at.hpp"
 #include "dynamics/contact/outline.hpp"
@@ -11,6 +12,7 @@
 #include "dynamics/elements/shape_functions.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/assembly/solid_materials.hpp"
+#include "dynamics/model/erosion/erosion.hpp"
 #include "dynamics/model/fields/sampling.hpp"
 
 namespace espalier::dynamics::model {
@@ -108,8 +110,22 @@ void Scene::add_box(const BuiltBody& body) {
 }
 
 void Scene::add_solid(const BuiltBody& body) {
-  for (Index e = 0; e < body.mesh->element_count(); ++e) add_cell(body.mesh->type(e), body.mesh->element(e));
+  std::unordered_map<std::int64_t, Index> numbers;
+  const std::vector<double>* failed_at =
+      mechanism_.erosion == nullptr ? nullptr : mechanism_.erosion->failed_at(body.spec.name);
+  if (failed_at != nullptr) numbers = body.flexible->assembly().numbers_by_label();
+  for (Index e = 0; e < body.mesh->element_count(); ++e) {
+    if (const auto number = numbers.find(body.mesh->element_label(e)); number != numbers.end())
+      may_fail_.push_back({&(*failed_at)[at(number->second)], at(cells_.count())});
+    add_cell(body.mesh->type(e), body.mesh->element(e));
+  }
   point_count_ += body.flexible->nodes();
+}
+
+const std::vector<double>& Scene::failed(const State& s) {
+  failed_.assign(may_fail_.empty() ? 0 : body_.size(), 0.0);
+  for (const Cell& c : may_fail_) failed_[c.cell] = *c.failed_at <= s.t ? 1 : 0;
+  return failed_;
 }
 
 void Scene::add_line_or_plate(const BuiltBody& body) {
@@ -225,6 +241,9 @@ const std::vector<double>& Scene::plain_von_mises(const State& s) {
       von_mises_[cell] = model::von_mises(type, materials.at(e), reference, position);
     }
   }
+  const std::vector<double>& gone = failed(s);
+  for (std::size_t k = 0; k < gone.size(); ++k)
+    if (gone[k] != 0) von_mises_[k] = 0;
   return von_mises_;
 }
 

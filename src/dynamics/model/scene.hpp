@@ -24,6 +24,8 @@ class Scene {
   /// Of each cell: Cauchy stress in the middle of solids of elements, 0 elsewhere; in linear statics to first order, at
   /// the part of the loads that is the time of the state.
   const std::vector<double>& von_mises(const State& s);
+  /// Of each cell: 1 where its element had failed at the time of the state, else 0. Empty where no element can.
+  const std::vector<double>& failed(const State& s);
   /// Of each point: pressure of contact at nodes of solids, 0 elsewhere. Empty where no solid has contacts.
   const std::vector<double>& contact_pressure(const State& s);
   /// The largest extent of the bodies over the largest speed of their points; 0 where nothing moves.
@@ -41,7 +43,12 @@ class Scene {
   VtuCells cells_;
   std::vector<Index> body_;
   std::vector<double> position_, rate_;  // of the nodes of a reduced body
-  std::vector<double> points_, velocity_, von_mises_, pressure_;
+  std::vector<double> points_, velocity_, von_mises_, pressure_, failed_;
+  struct Cell {
+    const double* failed_at;
+    std::size_t cell;
+  };
+  std::vector<Cell> may_fail_;
   std::vector<Index> first_point_;          // of each body
   std::vector<std::vector<Vec3>> corners_;  // of each rigid body, in its axes, in their order
   Index point_count_ = 0;

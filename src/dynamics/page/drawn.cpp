@@ -49,9 +49,12 @@ Drawn::Drawn(const model::Mechanism& mechanism) : mechanism_(mechanism) {
         for (Index& k : triangle) k += drawn.first;
         triangles_.push_back(triangle);
       }
+      for (const auto& [element, behind] : skin.owners)
+        owners_.push_back({static_cast<Index>(bodies_.size()), element, behind});
       for (const auto& [a, b] : skin.edges) edges_.push_back({a + drawn.first, b + drawn.first});
       labels_.insert(labels_.end(), skin.labels.begin(), skin.labels.end());
     }
+    owners_.resize(triangles_.size());  // what else it has does not fail
     drawn.count = static_cast<Index>(labels_.size()) - drawn.first;
     bodies_.push_back(drawn);
   }

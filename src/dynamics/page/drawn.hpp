@@ -22,6 +22,11 @@ class Drawn {
   };
   [[nodiscard]] const std::vector<Body>& bodies() const { return bodies_; }
   [[nodiscard]] const std::vector<std::array<Index, 3>>& triangles() const { return triangles_; }
+  /// Whose a triangle is where elements can fail; body -1: of none of them. One for each triangle.
+  struct Owner {
+    Index body = -1, element = -1, behind = -1;
+  };
+  [[nodiscard]] const std::vector<Owner>& owners() const { return owners_; }
   [[nodiscard]] const std::vector<std::array<Index, 2>>& edges() const { return edges_; }
   [[nodiscard]] const std::vector<std::int64_t>& labels() const { return labels_; }  ///< of nodes; 0: none
   /// Of the rigid bodies, one after the other, in their axes: 3 numbers for each point.
@@ -45,6 +50,7 @@ class Drawn {
   std::vector<Body> bodies_;
   std::vector<std::unique_ptr<Skin>> skins_;  // of each body; null: rigid
   std::vector<std::array<Index, 3>> triangles_;
+  std::vector<Owner> owners_;
   std::vector<std::array<Index, 2>> edges_;
   std::vector<std::int64_t> labels_;
   std::vector<float> local_;

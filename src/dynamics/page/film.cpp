@@ -8,6 +8,7 @@
 
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
+#include "dynamics/page/failing_faces.hpp"
 #include "dynamics/page/json_text.hpp"
 
 namespace espalier::dynamics::page {
@@ -271,6 +272,10 @@ void Film::add_shape(JsonObject& scene, std::vector<std::string>& pieces) const 
   scene.number("points", static_cast<double>(drawn_.labels().size()));
   scene.number("lists", static_cast<double>(pieces.size()));
   pieces.push_back(compressed(bytes_of(numbers)));
+  if (const std::vector<double> times = times_of_triangles(mechanism_, drawn_); !times.empty()) {
+    scene.number("seen", static_cast<double>(pieces.size()));
+    pieces.push_back(compressed(bytes_of(times)));
+  }
   scene.number("local", static_cast<double>(pieces.size()));
   pieces.push_back(compressed(bytes_of(drawn_.local())));
 }

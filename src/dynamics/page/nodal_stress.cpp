@@ -69,20 +69,33 @@ NodalStress::NodalStress(const model::Mechanism& mechanism, const Drawn& drawn) 
 
 NodalStress::Kept NodalStress::keep(const State& s) const {
   const model::LinearResponse* linear = mechanism_.linear.get();
-  if (linear == nullptr) return {s.q, {}};
+  if (linear == nullptr) {
+    Kept kept{s.q, {}, {}};
+    for (const Solid& solid : bodies_) {
+      const std::span<const char> failed = solid.body->flexible->assembly().failed();
+      kept.failed.emplace_back(failed.begin(), failed.end());
+    }
+    return kept;
+  }
   const double share = linear->load() != 0 ? s.t / linear->load() : 1;
-  return {{}, linear->of([this](const State& there) { return tensors(there); }, share)};
+  return {{}, linear->of([this](const State& there) { return tensors(there, {}); }, share), {}};
 }
 
-std::vector<double> NodalStress::tensors(const State& s) const {
+std::vector<double> NodalStress::tensors(const State& s, const std::vector<std::vector<char>>& failed) const {
   std::vector<double> sum(kTensors * points_, 0.0);
   std::vector<int> count(points_, 0);
   NodeWeights weights;
   for (const Solid& solid : bodies_) {
     const model::FieldTable table = solid.samples->sample(s, solid.elements, nullptr);
+    const auto number = static_cast<std::size_t>(&solid - bodies_.data());
+    const bool any_failed = number < failed.size() && !failed[number].empty();
     std::size_t corner = 0;
     for (std::size_t k = 0; k < solid.elements.size(); ++k) {
       const Index e = solid.elements[k];
+      if (any_failed && failed[number][at(e)] != 0) {
+        corner += weights.of(solid.samples->shape(e), solid.samples->points(e)).size();
+        continue;
+      }
       for (const model::SampleWeights& w : weights.of(solid.samples->shape(e), solid.samples->points(e))) {
         const Index point = solid.point_of[corner++];
         if (point < 0) continue;
@@ -108,7 +121,7 @@ NodalStress::Values NodalStress::evaluate(const Kept& kept) const {
   if (kept.tensors.empty()) {
     State s;
     s.q = kept.q;
-    made = tensors(s);
+    made = tensors(s, kept.failed);
   }
   const std::vector<double>& all = kept.tensors.empty() ? made : kept.tensors;
   Values values;

@@ -21,7 +21,8 @@ class NodalStress {
   /// What has to be kept of a state until evaluate().
   struct Kept {
     std::vector<double> q;
-    std::vector<double> tensors;  ///< in linear statics, where these are linear in the loads, not in q
+    std::vector<double> tensors;            ///< in linear statics, where these are linear in the loads, not in q
+    std::vector<std::vector<char>> failed;  ///< of each solid, as ElementAssembly::failed()
   };
   [[nodiscard]] Kept keep(const State& s) const;
 
@@ -52,7 +53,8 @@ class NodalStress {
     std::vector<Index> elements;  // with a node that is drawn
     std::vector<Index> point_of;  // of the nodes of those, one element after the other; -1: it is not drawn
   };
-  [[nodiscard]] std::vector<double> tensors(const State& s) const;
+  /// What stands at a node is the mean of what has not failed around it. @param failed  see Kept; may be empty
+  [[nodiscard]] std::vector<double> tensors(const State& s, const std::vector<std::vector<char>>& failed) const;
 
   const model::Mechanism& mechanism_;
   std::vector<Solid> bodies_;

@@ -12,6 +12,7 @@
 #include "dynamics/elements/line_point.hpp"
 #include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
+#include "dynamics/page/failing_faces.hpp"
 #include "dynamics/page/skin_faces.hpp"
 
 namespace espalier::dynamics::page {
@@ -20,16 +21,26 @@ namespace {
 Vec3 vector_at(const double* x) { return {x[0], x[1], x[2]}; }
 void store(const Vec3& x, double* to) { std::copy_n(x.data(), 3, to); }
 
-/// Outer faces of a solid.
+/// Outer faces of a solid, or all, of which some are laid bare as elements fail.
+std::vector<TwoSidedFace> drawn_faces(const Mesh& mesh, bool fails) {
+  constexpr std::size_t kMost = 60'000;
+  std::vector<TwoSidedFace> faces;
+  if (fails) faces = all_faces(mesh);
+  if (fails && faces.size() <= kMost) return faces;
+  faces.clear();
+  for (const MeshFace& face : mesh.boundary_faces()) faces.push_back({face});
+  return faces;
+}
+
 class SolidSkin final : public Skin {
  public:
-  explicit SolidSkin(const Mesh& mesh) {
-    const std::vector<MeshFace> faces = mesh.boundary_faces();
+  SolidSkin(const Mesh& mesh, bool fails) {
+    const std::vector<TwoSidedFace> faces = drawn_faces(mesh, fails);
     constexpr std::size_t kFine = 30'000;  // faces of which mid-side nodes are drawn, too
     constexpr std::size_t kOutlined = 40'000;
     coarse = faces.size() > kFine;
     std::vector<Index> number(mesh.nodes.size(), -1);
-    for (const MeshFace& face : faces) {
+    for (const auto& [face, behind] : faces) {
       const std::vector<Index> own = mesh.face_nodes(face);
       const std::size_t corners = at(shape_of(shape_of(mesh.type(face.element)).faces[at(face.face)].type).corners);
       std::vector<Index> drawn(own.begin(), own.begin() + static_cast<std::ptrdiff_t>(coarse ? corners : own.size()));
@@ -43,6 +54,7 @@ class SolidSkin final : public Skin {
         node = known;
       }
       add_triangles(drawn, corners, triangles);
+      if (fails) owners.resize(triangles.size(), {face.element, behind});
       if (faces.size() <= kOutlined) add_outline(drawn, corners, edges);
     }
     remove_repeats(edges);
@@ -293,7 +305,7 @@ const std::vector<Index>& Skin::nodes() const {
 }
 
 std::unique_ptr<Skin> make_skin(const model::BuiltBody& body) {
-  if (body.mesh) return std::make_unique<SolidSkin>(*body.mesh);
+  if (body.mesh) return std::make_unique<SolidSkin>(*body.mesh, body.spec.erosion() != nullptr);
   if (const auto* shell = std::get_if<model::ShellSpec>(&body.spec.shape)) return std::make_unique<ShellSkin>(*shell);
   const std::vector<LineChain> chains = model::line_chains(body);
   if (chains.empty()) return std::make_unique<NodeSkin>(body);

@@ -14,9 +14,12 @@ class Skin {
  public:
   virtual ~Skin() = default;
   std::vector<std::array<Index, 3>> triangles;  ///< of its points, anticlockwise seen from outside
-  std::vector<std::array<Index, 2>> edges;      ///< of elements, and lines that have no surface
-  std::vector<std::int64_t> labels;             ///< of each point the number of its node; 0: between nodes
-  bool coarse = false;                          ///< mid-side nodes were left out
+  /// Of each triangle where elements can fail: whose it is, and what is behind it (-1: nothing), by the mesh. Else
+  /// empty.
+  std::vector<std::array<Index, 2>> owners;
+  std::vector<std::array<Index, 2>> edges;  ///< of elements, and lines that have no surface
+  std::vector<std::int64_t> labels;         ///< of each point the number of its node; 0: between nodes
+  bool coarse = false;                      ///< mid-side nodes were left out
   [[nodiscard]] Index points() const { return static_cast<Index>(labels.size()); }
   /// Positions from those of all vertices of the body, or velocities from velocities. @param x  3 numbers per point
   virtual void place(const double* vertices, double* x) const = 0;

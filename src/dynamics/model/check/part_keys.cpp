@@ -31,7 +31,7 @@ std::span<const PartKeys> all_part_keys() {
        "gravity type mass position velocity"},
       {"bodies", "solid",
        "gravity type position rotation velocity angular_velocity damping reduce mesh element_set hex8 "
-       "reduced_hex20 material materials"},
+       "reduced_hex20 erosion material materials"},
       {"bodies", "cable",
        "gravity type position rotation velocity angular_velocity damping reduce mesh radius start end "
        "elements axial bending mass_per_length element_set material"},

@@ -69,6 +69,12 @@ class SensitivityRun {
     if (!model.events.empty())
       throw Error(StatusCode::invalid_input,
                   fmt::format("sensitivities do not pass events yet, and the model has {}", model.events.size()));
+    for (const dynamics::model::BodySpec& body : model.bodies)
+      if (body.erosion() != nullptr)
+        dynamics::model::fail(
+            body.erosion()->place,
+            "sensitivities, also adjoint ones, do not pass elements that fail: whether one does is no "
+            "smooth function of a parameter");
     for (const dynamics::model::ContactSpec& c : model.contacts) {
       remembers_ = remembers_ || c.law.rubs();
       // The copies do not take part in what these do between Newton's passes, or in jumps of the velocities.

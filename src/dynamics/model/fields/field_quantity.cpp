@@ -97,14 +97,22 @@ void FieldQuantity::add_term(const SiteTerm& term, const FieldTable& table, std:
 std::vector<SiteNumbers> FieldQuantity::site_numbers(const Sample& s) const {
   const std::shared_ptr<const FieldTable> samples = table(s);
   std::vector<SiteNumbers> out(sites_->list.size(), SiteNumbers{});
+  const std::span<const char> failed = body_->body().flexible->assembly().failed();
   const auto sum = [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+      double whole = 0, all = 0;  // of the factors: those of elements that have not failed
       for (const SiteTerm& term : sites_->list[k].terms) {
+        all += term.factor;
+        if (!failed.empty() && failed[at(term.element)] != 0) continue;
+        whole += term.factor;
         const auto row = all_ ? at(term.element)
                               : static_cast<std::size_t>(
                                     std::lower_bound(needed_.begin(), needed_.end(), term.element) - needed_.begin());
         add_term(term, *samples, row, out[k]);
       }
+      if (whole != all && whole != 0)  // the mean of what is left
+        for (double& x : out[k]) x *= all / whole;
+    }
   };
   constexpr std::int64_t kSites = 256;
   base::for_each_range(out.size() > 2 * kSites ? pool_ : nullptr, static_cast<std::int64_t>(out.size()), kSites, sum);

@@ -18,6 +18,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
+constexpr std::int64_t kElements = 64, kFewest = 256;  // of a task; below it one thread is as fast
 constexpr int kShearPairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {0, 2}};
 
 ElementType solid_shape(int vertices) {
@@ -160,9 +161,18 @@ void SampledBody::stresses(Index e, bool linear, std::size_t at, FieldTable& out
       stress_of(out.strain[at].value[q], linear, out.stress[at].value[q]);
 }
 
-FieldTable SampledBody::sample(const State& s, std::span<const Index> which, base::ThreadPool* pool,
-                               bool with_energy) const {
-  constexpr std::int64_t kElements = 64, kFewest = 256;
+void SampledBody::clear_failed(std::span<const Index> which, FieldTable& table) const {
+  const std::span<const char> failed = body_.flexible->assembly().failed();
+  for (std::size_t k = 0; k < which.size() && !failed.empty(); ++k) {
+    if (failed[at(which[k])] == 0) continue;
+    table.strain[k] = {};
+    if (!table.stress.empty()) table.stress[k] = {};
+    if (!table.energy.empty()) table.energy[k] = 0;
+  }
+}
+
+FieldTable SampledBody::strains(const State& s, std::span<const Index> which, base::ThreadPool* pool,
+                                bool with_energy) const {
   const auto count = static_cast<std::int64_t>(which.size());
   base::ThreadPool* helpers = count < kFewest ? nullptr : pool;
   const auto all = [&](const double* position, FieldTable& out) {
@@ -196,6 +206,15 @@ FieldTable SampledBody::sample(const State& s, std::span<const Index> which, bas
       if (with_energy) out.energy[k] = (out.energy[k] + back.energy[k]) / (2 * share * share);
     }
   }
+  return out;
+}
+
+FieldTable SampledBody::sample(const State& s, std::span<const Index> which, base::ThreadPool* pool,
+                               bool with_energy) const {
+  const auto count = static_cast<std::int64_t>(which.size());
+  base::ThreadPool* helpers = count < kFewest ? nullptr : pool;
+  const bool linear = body_.reduced != nullptr;
+  FieldTable out = strains(s, which, pool, with_energy);
   if (kind_ == FieldBody::beam || kind_ == FieldBody::cable) return out;
   out.stress.resize(which.size());
   base::for_each_range(helpers, count, kElements, [&](std::int64_t begin, std::int64_t end) {

@@ -50,6 +50,11 @@ class SampledBody {
   /// Samples of some elements, in their order, at a state. @param with_energy  the strain energies, too
   [[nodiscard]] FieldTable sample(const State& s, std::span<const Index> which, base::ThreadPool* pool,
                                   bool with_energy = false) const;
+  /// Strains (of lines: forces in sections) and energies alone.
+  [[nodiscard]] FieldTable strains(const State& s, std::span<const Index> which, base::ThreadPool* pool,
+                                   bool with_energy = false) const;
+  /// Of a table of these elements: what has failed by now has no strain, stress or energy any more.
+  void clear_failed(std::span<const Index> which, FieldTable& table) const;
 
  private:
   struct Element {

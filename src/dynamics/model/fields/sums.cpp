@@ -110,7 +110,8 @@ std::function<double(const Sample&)> strain_energy_of(Mechanism& mechanism, cons
   const auto samples = std::make_shared<const SampledBody>(body);
   const std::vector<Index> elements = elements_at(*samples, where);
   return [&mechanism, samples, elements](const Sample& s) {
-    const FieldTable table = samples->sample(*s.state, elements, &mechanism.pool, true);
+    FieldTable table = samples->sample(*s.state, elements, &mechanism.pool, true);
+    samples->clear_failed(elements, table);
     return std::accumulate(table.energy.begin(), table.energy.end(), 0.0);
   };
 }

@@ -53,6 +53,8 @@ constexpr KeyRow kKeyRows[] = {
     {"bodies.*.damping", "", "mass", "1/time"},
     {"bodies.*.damping", "", "stiffness", "time"},
     {"bodies.*.damping", "", "frequency frequencies", "1/time"},
+    {"bodies.*.erosion", "", "strain", "1"},
+    {"bodies.*.erosion", "", "stress principal_stress", "force/length^2"},
     {"bodies.*.reduce", "", "modes damping", "1"},
     {"bodies.*.reduce", "", "frequency", "1/time"},
 

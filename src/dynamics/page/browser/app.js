@@ -140,6 +140,7 @@ class App {
     const rows = this.film.frames.length === 0 ? null : number === undefined ? await this.film.at(t) : await this.film.frame(number);
     this.rows = rows;
     this.pure = rows ? this.film.place(rows) : this.film.rest;
+    if (this.stage && rows) this.stage.setTime(rows.t);
     await this.redraw();
     this.plots.forEach(plot => plot.moveNeedle(t));
     byId('canvas').setAttribute('aria-label', this.spoken(t));

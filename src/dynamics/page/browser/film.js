@@ -18,6 +18,7 @@ class Film {
     this.triangles = lists.subarray(0, corners);
     this.edges = lists.subarray(corners, ends);
     this.labels = lists.subarray(ends);
+    this.seen = scene.seen === undefined ? null : new Float64Array((await unpack(`piece${scene.seen}`)).buffer);
     this.local = new Float32Array((await unpack(`piece${scene.local}`)).buffer);
     this.bodyOf = new Int32Array(this.points);
     let flexible = 0, rigid = 0, local = 0;
@@ -28,6 +29,11 @@ class Film {
     });
     const rest = await unpack(`piece${scene.rest}`);
     this.rest = this.place(this.rows(rest, 0, rest.length / 2, scene.rest_ranges, 7));
+  }
+
+  /** Whether a triangle is seen at a time: those of elements that have failed are not, those that they lay bare are. */
+  isSeen(triangle, t) {
+    return !this.seen || (this.seen[2 * triangle] <= t && t < this.seen[2 * triangle + 1]);
   }
 
   /** The first `count` sections of a block as arrays by name. */

@@ -60,6 +60,7 @@ class Stage {
     this.controls = new THREE.OrbitControls(camera, this.renderer.domElement);
     this.controls.enableKeys = false;
     this.controls.addEventListener('change', () => this.touch());
+    this.time = film.times.length ? film.times[0] : 0;
     this.indexBodies();
     this.look(this.bestSide());
   }
@@ -75,14 +76,18 @@ class Stage {
   indexBodies() {
     const {film, hidden} = this, shown = k => !hidden.has(film.bodyOf[k]);
     const faces = [], flat = [], lines = [], bare = [], inFace = new Uint8Array(film.points), joined = new Uint8Array(film.points);
+    const onFace = new Uint8Array(film.points);  // points of faces that are seen
     for (let c = 0; c < film.triangles.length; ++c) inFace[film.triangles[c]] = 1;
     for (let c = 0; c < film.triangles.length; c += 3) {
+      if (!film.isSeen(c / 3, this.time)) continue;
+      for (let i = c; i < c + 3; ++i) onFace[film.triangles[i]] = 1;
       if (!shown(film.triangles[c])) continue;
       for (let i = c; i < c + 3; ++i) { faces.push(this.surface.vertex[i]); flat.push(film.triangles[i]); }
     }
     for (let k = 0; k < film.edges.length; k += 2) {
       const [a, b] = [film.edges[k], film.edges[k + 1]];
       joined[a] = joined[b] = 1;
+      if (inFace[a] && inFace[b] && !(onFace[a] && onFace[b])) continue;
       if (shown(a)) (inFace[a] && inFace[b] ? lines : bare).push(a, b);
     }
     const dots = [];
@@ -96,6 +101,13 @@ class Stage {
     this.bare.visible = bare.length > 0;
     this.dots.visible = dots.length > 0;
     this.touch();
+  }
+
+  /** The time that is shown: of bodies whose elements fail, other faces may be seen then. */
+  setTime(t) {
+    if (!this.film.seen || this.time === t) return;
+    this.time = t;
+    this.indexBodies();
   }
 
   /** @param points global coordinates @param colours {row, share of each point} or null: those of the bodies */
