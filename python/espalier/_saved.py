@@ -8,7 +8,7 @@ from . import _checks
 from ._errors import make_error
 from ._progress import Asked
 from ._results import Analysis
-from ._solver import Solver
+from ._solver import SYMMETRIES, Solver
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from ._options import SolverOptions
 
 
-def load_factor(path: "str | os.PathLike[str]", *, symmetry: str = "auto", log: "logging.Logger | None" = None,
+def load_factor(path: "str | os.PathLike[str]", *, symmetry: "str | None" = None, log: "logging.Logger | None" = None,
                 progress: Asked = "auto", **options: "Unpack[SolverOptions]") -> Solver:
     """A factorized Solver by the file of Solver.save_factor(), also of C and C++.
 
@@ -25,17 +25,19 @@ def load_factor(path: "str | os.PathLike[str]", *, symmetry: str = "auto", log: 
     else (a GPU, another width of blocks) the matrix is factorized again, without an analysis. `solver.restored` tells which.
 
     Everything is there that the saved solver could do. factorize(values) takes new values in the order of
-    `solver.stored_matrix().data`, which has duplicates summed. symmetry: of matrices that are given later; one that is not
-    stored as that of the file is analyzed anew.
+    `solver.stored_matrix().data`, which has duplicates summed. symmetry: of matrices that are given later, as for Solver; None:
+    that of the file, so that the triangle of a symmetric matrix is taken for one again.
 
     Raises InvalidInputError for a file that is cut off, damaged, none of ours or of a newer program."""
     file = _checks.path(path, "path")
-    solver = Solver(None, symmetry=symmetry, log=log, progress=progress, **options)
+    solver = Solver(None, symmetry=symmetry or "auto", log=log, progress=progress, **options)
     with solver._watch("loading a factor"):
         status, factor, analysis, matrix = solver._core.load_factor(file)
     if status[0]:
         raise make_error(*status)
     pointers, indices, solver._by_rows, solver._storage, solver._complex, solver.restored = matrix
+    if symmetry is None:
+        solver._asked, solver._options["symmetry"] = solver._storage, SYMMETRIES[solver._storage + 1]
     solver._n, solver._pattern = len(pointers) - 1, (pointers, indices)
     solver.analysis = Analysis(*analysis)
     solver._taken_factor(status, factor, None)

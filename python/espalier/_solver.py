@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _core.set_error_maker(make_error)
 _STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
             "hermitian": 6}
+SYMMETRIES = tuple(_STORAGE)  # "auto" and "general" are both stored as 0
 
 
 def _finite(values: Any) -> bool:
@@ -147,8 +148,8 @@ class Solver(Solutions, SelectedInverse, Inverse):
                  complex_values: "bool | None" = None, storage: "int | None" = None) -> Analysis:
         """complex_values: what a pattern without values is for; None: real ones. storage: None: as it was asked for."""
         self.analysis = self.factor = self._pattern = None
-        self._storage = self._asked if storage is None else storage
         self._complex = bool(complex_values) if arrays[2] is None else arrays[2].dtype.kind == "c"
+        self._storage = self._storage_of(self._complex) if storage is None else storage
         given = (*arrays[:2], _floats(arrays[2]), arrays[3], self._storage, self._complex)
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
             if path is None:
@@ -161,6 +162,10 @@ class Solver(Solutions, SelectedInverse, Inverse):
         self.analysis = Analysis(*found)
         return self.analysis
 
+    def _storage_of(self, complex_values: bool) -> int:
+        """Of a matrix that is given: a Hermitian one with real values is symmetric."""
+        return self._asked - 3 if self._asked >= 4 and not complex_values else self._asked
+
     def analyze_change(self, A: Any) -> Change:
         """Analyzes a pattern that differs here and there from the analyzed one, in a small part of analyze()'s time: what
         the change does not touch stays. Where too much has changed, all is ordered anew, and `why` says so. A matrix that is
@@ -171,10 +176,10 @@ class Solver(Solutions, SelectedInverse, Inverse):
         if self._complex or (arrays[2] is not None and arrays[2].dtype.kind == "c"):
             raise TypeError("the pattern of a complex system is analyzed anew: call analyze(A)")
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
-            status, found, change = self._core.analyze_change(*arrays, self._asked)
+            status, found, change = self._core.analyze_change(*arrays, self._storage_of(False))
         if status[0]:
             raise _matrix_error(status, arrays[3], "")  # what was there still is
-        self.factor, self._storage = None, self._asked
+        self.factor, self._storage = None, self._storage_of(False)
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return Change(self.analysis, *change)
@@ -233,7 +238,7 @@ class Solver(Solutions, SelectedInverse, Inverse):
         if arrays[2] is None:
             raise ValueError("a pattern without values cannot be factorized")
         known = (self.analysis is not None and self._n == len(arrays[0]) - 1 and self._by_rows == arrays[3]
-                 and (arrays[2].dtype.kind == "c") == self._complex and self._storage == self._asked)
+                 and (arrays[2].dtype.kind == "c") == self._complex and self._storage == self._storage_of(self._complex))
         if known and on_gpu is not None:
             known = self._core.has_pattern(arrays[0], arrays[1], arrays[3], self._storage, self._complex)
         if not known:
@@ -266,7 +271,9 @@ class Solver(Solutions, SelectedInverse, Inverse):
             if self._complex:
                 values = values.astype("complex128")
             else:
-                self._analyze((*self._pattern, values.copy(), self._by_rows), storage=self._storage)
+                real_of_hermitian = self._storage == self._storage_of(False) != self._asked
+                self._analyze((*self._pattern, values.copy(), self._by_rows),
+                              storage=self._asked if real_of_hermitian else self._storage)
         before, self.factor = self.factor, None
         try:
             with self._watch(*self._factorizing(before)):
@@ -330,8 +337,8 @@ class Solver(Solutions, SelectedInverse, Inverse):
         if values is not None and self._complex:
             values = values.view("complex128")
         options = dict(self._options)
-        if self._storage != self._asked:  # of a file
-            options["symmetry"] = list(_STORAGE)[self._storage + 1]
+        if self._storage != self._storage_of(self._complex):  # of a file
+            options["symmetry"] = SYMMETRIES[self._storage + 1]
         if self.analysis is not None and options.get("kind", "auto") != "auto":
             options["kind"] = self.analysis.kind
         return _revive, (type(self), options, self._pattern, self._by_rows, analysis, values, self._complex)

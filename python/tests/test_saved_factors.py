@@ -1,4 +1,4 @@
-"""Solver.save_factor() and espalier.load_factor(). Truth: the bits of the solver that was saved, residuals with the dense
+"""Solver.save_factor() and esp.load_factor(). Truth: the bits of the solver that was saved, residuals with the dense
 matrix, and the file itself, which is cut and changed."""
 
 import os
@@ -111,7 +111,7 @@ def test_kind_and_storage_of_the_file_do_not_bind_later_matrices(tmp_path):
     """A triangle that is a matrix of its own, and values that are not definite or not symmetric any more."""
     a = whole(20, "auto", "llt", np.float64, 5)
     esp.Solver(sp.csc_array(np.tril(a)), symmetry="lower").save_factor(tmp_path / "f")
-    solver = esp.load_factor(tmp_path / "f")
+    solver = esp.load_factor(tmp_path / "f", symmetry="auto")
     triangle = sp.csc_array(np.tril(a))
     solver.factorize(triangle)  # "auto": as it stands there
     np.testing.assert_allclose(triangle @ solver.solve(np.ones(20)), np.ones(20), atol=1e-12)
@@ -134,7 +134,7 @@ def test_another_process_with_another_number_of_threads(tmp_path):
     solver = esp.Solver(a, threads=1)
     solver.save_factor(tmp_path / "f")
     x = solver.solve(np.ones(300), transpose="H")
-    code = ("import sys, numpy as np, espalier; s = espalier.load_factor(sys.argv[1], threads=3); "
+    code = ("import sys, numpy as np, espalier; s = esp.load_factor(sys.argv[1], threads=3); "
             "np.save(sys.argv[2], s.solve(np.ones(300), transpose='H')); print(s.restored)")
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "f"), str(tmp_path / "x.npy")], capture_output=True, text=True)
     assert done.stdout == "True\n", done.stderr
@@ -217,3 +217,28 @@ def test_what_a_changed_system_and_changes_of_the_pattern_make_of_it(tmp_path):
     solver.analyze_change(sp.csc_array(with_entry))
     solver.factorize(sp.csc_array(with_entry))
     np.testing.assert_allclose(with_entry @ solver.solve(b), b, atol=1e-10)
+
+
+@pytest.mark.parametrize("symmetry", ["lower", "upper", "hermitian_lower", "hermitian_upper"])
+@pytest.mark.parametrize("layout", ["csc", "csr", "coo"])
+def test_a_triangle_that_is_given_again_is_taken_for_one(tmp_path, symmetry, layout):
+    a = whole(30, symmetry, "ldlt", np.complex128 if "herm" in symmetry else np.float64, 5)
+    given, b = as_layout(stored(a, symmetry), layout), np.arange(1.0, 31.0)
+    esp.Solver(given, symmetry=symmetry).save_factor(tmp_path / "factor")
+    loaded = esp.load_factor(tmp_path / "factor")
+    loaded.factorize(2 * given)
+    assert abs(2 * a @ loaded.solve(b) - b).max() < 1e-12
+
+
+@pytest.mark.parametrize("symmetry", ["hermitian", "hermitian_lower", "hermitian_upper"])
+@pytest.mark.parametrize("layout", ["csc", "csr"])
+def test_a_hermitian_matrix_may_have_real_values(symmetry, layout):
+    real = whole(30, "lower", "ldlt", np.float64, 6)
+    turned = real + 1j * (np.tril(real, -1) - np.triu(real, 1))
+    b = np.arange(1.0, 31.0)
+    first, second = (as_layout(stored(a, symmetry), layout) for a in (real, turned))
+    second = first.__class__((np.asarray(second[first.nonzero()]).ravel(), first.nonzero()), shape=first.shape).asformat(layout)
+    solver = esp.Solver(first, symmetry=symmetry)
+    for given, a in ((first, real), (second.data, turned), (first, real), (second, turned), (first.data + 0j, real)):
+        solver.factorize(given)
+        assert abs(a @ solver.solve(b) - b).max() < 1e-12
