@@ -8,6 +8,7 @@
 
 #include "alpha_arguments.hpp"
 #include "dynamics/bodies/flexible_frame.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/joints/joint.hpp"
 

@@ -17,6 +17,7 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/meshers/parts.hpp"
 
 namespace {

@@ -8,6 +8,7 @@
 
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/constraints/redundancy.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/statics.hpp"

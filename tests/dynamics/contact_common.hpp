@@ -7,6 +7,7 @@
 #include <string>
 
 #include "dynamics/contact/rigid_contact.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/check.hpp"
 
 namespace espalier::dynamics {

@@ -7,6 +7,7 @@
 #include "built_model.hpp"
 #include "device_common.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/equations.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"

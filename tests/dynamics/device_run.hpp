@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "device_common.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/integrator.hpp"
 #include "emulated_device.hpp"

@@ -13,6 +13,7 @@
 
 #include "base/at.hpp"
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/device/device_assembly.hpp"
 #include "dynamics/device/divided_body.hpp"

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <random>
 
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/equations.hpp"
 #include "dynamics/meshers/parts.hpp"
 #include "flexible_statics.hpp"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_frame.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/joints/joint.hpp"
 

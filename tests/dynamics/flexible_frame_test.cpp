@@ -7,6 +7,7 @@
 #include <random>
 
 #include "dynamics/bodies/carried_frame.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/meshers/parts.hpp"
 
 namespace espalier::dynamics::test {

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/meshers/parts.hpp"

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 
 namespace espalier::dynamics::test {
 

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/joints/joint.hpp"
 
 namespace espalier::dynamics {

@@ -9,6 +9,7 @@
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/bodies/flexible_frame.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/meshers/parts.hpp"
 
 namespace espalier::dynamics {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::dynamics {

@@ -8,6 +8,7 @@
 
 #include "dynamics/bdf_common.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/function_system.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"

@@ -7,6 +7,7 @@
 
 #include "dynamics/andrews.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/check.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/joints/joint.hpp"

@@ -13,6 +13,7 @@
 #include <sstream>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/frame_force.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"

@@ -8,6 +8,7 @@
 #include <random>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/check.hpp"
 #include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/sliding_friction.hpp"

@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/check.hpp"
 #include "dynamics/forces/guide.hpp"
 #include "model_common.hpp"

@@ -7,7 +7,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/pattern.hpp"
 
 namespace espalier::dynamics {
 namespace pattern_builder_test {

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "dynamics/built_model.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/integrators/vibrations.hpp"

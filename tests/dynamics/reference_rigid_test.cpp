@@ -10,6 +10,7 @@
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/chain.hpp"
 #include "dynamics/constraints/redundancy.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/four_bar.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"

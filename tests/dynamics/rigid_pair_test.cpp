@@ -7,6 +7,7 @@
 #include <random>
 
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/joints/joint.hpp"
 #include "harmonic.hpp"
 

@@ -7,6 +7,7 @@
 #include "dynamics/andrews.hpp"
 #include "dynamics/bodies/flexible_frame.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/function_system.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/joints/joint.hpp"

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 
 namespace espalier::dynamics::test {

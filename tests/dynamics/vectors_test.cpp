@@ -11,8 +11,8 @@
 
 #include "dynamics/bodies/point_mass.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/products.hpp"
-#include "dynamics/dae/system.hpp"
 #include "dynamics/model_common.hpp"
 
 namespace espalier::dynamics {

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include "dynamics/bodies/reduction.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 
 namespace espalier::dynamics::fixed_interfaces {
 

@@ -11,7 +11,7 @@
 
 #include "base/thread_pool.hpp"
 #include "dynamics/bodies/beam_axis.hpp"
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/device/device_assembly.hpp"
 #include "dynamics/elements/assembly.hpp"
 #include "dynamics/elements/groups.hpp"
@@ -45,7 +45,7 @@ struct MassProperties {
 /// Equations: M a + alpha M v + f_int(q, v) - M g = 0. M is constant (consistent mass).
 /// The configuration holds 3 numbers per vertex: node positions and, for ANCF bodies, the gradient vectors of the
 /// node behind its position (`vertices_per_node` vertices per node: solids 1, cables and shells 2, beams 4).
-class FlexibleBody final : public Component {
+class FlexibleBody final : public Component, public Scaled, public HasTasks, public Turns, public OnDevice {
  public:
   /// @param reference coordinates of all vertices in the stress-free state, 3 each; also the initial configuration
   /// @param pool threads for making it and for assembly; not owned, may be null (then the calling thread works)
@@ -90,7 +90,6 @@ class FlexibleBody final : public Component {
   [[nodiscard]] Sizes sizes() const override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
   void initial(Span q, Span v) const override;
-  [[nodiscard]] bool is_vector_space() const override { return true; }
   void magnitude(ConstSpan q, Span out) const override;
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;

@@ -7,6 +7,7 @@
 
 #include "dynamics/bodies/flexible_body.hpp"
 #include "dynamics/bodies/reduced_body.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/equations.hpp"
 
 namespace espalier::dynamics {
@@ -19,7 +20,7 @@ namespace espalier::dynamics {
 /// "Fundamentals of Structural Dynamics", 2006, section 10.3). Elastic forces do no work in rigid motion, so that is
 /// not damped. They turn with their bodies: amplitudes of reduced bodies are in their own axes, nodes are turned back
 /// by the mean rotation.
-class ModalDamping final : public Component {
+class ModalDamping final : public Component, public Remembers {
  public:
   explicit ModalDamping(std::string name) : Component(std::move(name)) {}
   // Bodies to be damped; before the system is finished.

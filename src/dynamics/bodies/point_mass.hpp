@@ -27,7 +27,6 @@ class PointMass final : public Component {
   [[nodiscard]] const std::array<Index, 3>& coordinates() const { return coordinates_; }
 
   [[nodiscard]] Sizes sizes() const override { return {3, 3, 0}; }
-  [[nodiscard]] bool is_vector_space() const override { return true; }
   void place(const Placement& at) override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;
   void initial(Span q, Span v) const override;

@@ -22,7 +22,7 @@ namespace espalier::dynamics {
 ///   m_k eta_k'' + c_k . alpha - omega . A_k omega + 2 omega . c_k' + k_k eta_k = 0
 /// and damping. D is linear in eta, so the 9 n^2 numbers sum m_ab phi_ak phi_bl^T and the 9 n of sum m_ab phi_ak X_b^T
 /// say all of it.
-class ReducedBody final : public Component {
+class ReducedBody final : public Component, public Curved, public Remembers {
  public:
   /// @param modal_damping ratio of critical damping of each shape
   ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, ReducedInertia inertia, double modal_damping);

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_frame.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::dynamics {

@@ -22,7 +22,7 @@ struct RigidBodyData {
 /// of the centre of mass in global axes and angular velocity in body axes (6). Increments of the rotation are body
 /// rotation vectors, R (+) x = R exp(x~): a group update without singular angles.
 /// Newton-Euler: m (a - g) = 0, J alpha + omega x J omega = 0.
-class RigidBody final : public Component {
+class RigidBody final : public Component, public Curved {
  public:
   /// @throws std::invalid_argument if mass or inertia is not positive, or a number is not finite
   RigidBody(std::string name, const RigidBodyData& data);

@@ -21,7 +21,6 @@ class RotorInertia final : public Component {
   [[nodiscard]] double speed(ConstSpan v) const { return v[static_cast<std::size_t>(placement().v)]; }
 
   [[nodiscard]] Sizes sizes() const override { return {1, 1, 0}; }
-  [[nodiscard]] bool is_vector_space() const override { return true; }
   void place(const Placement& at) override;
   void initial(Span q, Span v) const override;
   [[nodiscard]] std::string coordinate_name(Index local_coordinate) const override;

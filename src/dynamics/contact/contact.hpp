@@ -35,11 +35,10 @@ struct Overlap {
 };
 
 /// Adds forces between surfaces. Has no unknowns of its own.
-class Contact : public Component, public Switching {
+class Contact : public Component, public Switching, public ChangesPattern, public Remembers {
  public:
   using Component::Component;
   [[nodiscard]] Sizes sizes() const override { return {}; }
-  [[nodiscard]] bool reads_what_it_declares() const override { return false; }
   /// A contact that is switched off does nothing and forgets what it remembered; it keeps its places in the tangent.
   void set_active(bool active) { active_ = active; }
   [[nodiscard]] bool active() const { return active_; }

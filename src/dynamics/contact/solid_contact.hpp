@@ -20,7 +20,7 @@ namespace espalier::dynamics::contact {
 /// the surfaces have slid on each other; what a point remembers goes to the nearest new one on its face. Augmented
 /// Lagrangian (Simo and Laursen, Comput. Struct. 42 (1992)): a pressure l at each point is raised, l <- max(0, l + k
 /// penetration), until no point lies deeper than allowed. In the law this is a layer of thickness l / k.
-class SolidContact final : public Contact {
+class SolidContact final : public Contact, public Augmented {
  public:
   /// @param allowed penetration, > 0: augmented Lagrangian; the law then has exponent 1 without smoothing
   /// @throws std::invalid_argument where law or surfaces make no sense

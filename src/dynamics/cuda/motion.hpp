@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dynamics/cuda/arrays.hpp"
+#include "dynamics/dae/system_on_device.hpp"
 #include "dynamics/device/device_motion.hpp"
 
 namespace espalier::dynamics::cuda {

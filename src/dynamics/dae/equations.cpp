@@ -25,6 +25,7 @@ std::unique_ptr<LinearSolver> make_linear_solver(Index unknowns) {
 
 Equations::Equations(System& system, std::unique_ptr<LinearSolver> solver, base::ThreadPool* pool)
     : system_(system),
+      on_device_system_(dynamic_cast<SystemOnDevice*>(&system)),
       sizes_(system.sizes()),
       kkt_(solver ? std::move(solver) : make_linear_solver(sizes_.velocity + sizes_.constraints)) {
   set_pool(pool);
@@ -120,9 +121,9 @@ void Equations::motion(const StateView& s, Span f) {
 void Equations::motion_there(const StateView& s, const StateView& there, Span f, double* f_there) {
   const Phase phase("forces", counts_.assembly_seconds, trace_, PhaseRow::device);
   ++counts_.residuals;
-  system_.residual_on_device(s, there, f, f_there);
+  on_device_system_->residual_on_device(s, there, f, f_there);
   if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
-  const std::vector<Index>& seen = system_.device_share()->seen;
+  const std::vector<Index>& seen = device_share()->seen;
   std::vector<double> part(seen.size());
   for (std::size_t k = 0; k < part.size(); ++k) part[k] = f[static_cast<std::size_t>(seen[k])];
   motion_->add(DeviceMotion::List::seen, part, f_there);
@@ -152,12 +153,12 @@ void Equations::allow_device(MakeDevice make) {
 }
 
 void Equations::try_device() {
-  if (make_device_ == nullptr || device_ != nullptr || kkt_.gpu() < 0) return;
+  if (on_device_system_ == nullptr || make_device_ == nullptr || device_ != nullptr || kkt_.gpu() < 0) return;
   const Phase phase("tables of the GPU", counts_.analysis_seconds, trace_);
   try {
     device_ = make_device_(kkt_.gpu_places(), pool_);
-    if (device_ != nullptr && system_.use_device(*device_, kkt_.k_ptr()))
-      return kkt_.use_device(*device_, system_.host_entries());
+    if (device_ != nullptr && on_device_system_->use_device(*device_, kkt_.k_ptr()))
+      return kkt_.use_device(*device_, on_device_system_->host_entries());
     device_.reset();
     make_device_ = nullptr;
   } catch (const Error& error) {
@@ -173,7 +174,7 @@ void Equations::leave_device() {
   motion_.reset();
   ++ticket_;
   kkt_.leave_device();
-  system_.leave_device();
+  on_device_system_->leave_device();
   device_.reset();
 }
 
@@ -187,14 +188,13 @@ bool Equations::give_device_up(const Error& error) {
 }
 
 DeviceMotion* Equations::claim_motion(const MotionDemand& demand, long& ticket) {
-  if (!motion_allowed_ || device_ == nullptr || !kkt_.solves_there() || system_.device_share() == nullptr)
-    return nullptr;
+  if (!motion_allowed_ || device_ == nullptr || !kkt_.solves_there() || device_share() == nullptr) return nullptr;
   try {
     const bool serves = motion_ != nullptr && motion_demand_.vectors.data() == demand.vectors.data() &&
                         motion_demand_.points >= demand.points;
     if (!serves) {
       motion_.reset();
-      motion_ = device_->make_motion(sizes_, demand, *system_.device_share());
+      motion_ = device_->make_motion(sizes_, demand, *device_share());
       motion_demand_ = demand;
     }
   } catch (const Error& error) {
@@ -218,7 +218,7 @@ void Equations::assemble(const StateView& s, const TangentWeights& weights, bool
   const Phase phase("tangents", counts_.assembly_seconds, trace_, row_of(on_device));
   ++counts_.tangents;
   if (on_device)
-    system_.tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values(), there);
+    on_device_system_->tangent_on_device(s, weights, kkt_.clear_on_device(), kkt_.w_values(), there);
   else
     system_.tangent(s, weights, kkt_.w_values());
   if (system_.multiplier_pattern() != nullptr) system_.multiplier_tangent(s, kkt_.f_lambda_values());

@@ -8,7 +8,7 @@
 
 #include "dynamics/dae/kkt.hpp"
 #include "dynamics/dae/phase.hpp"
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/system_on_device.hpp"
 
 namespace espalier::dynamics {
 
@@ -112,6 +112,10 @@ class Equations {
   using MakeDevice = std::unique_ptr<DeviceAssembly> (*)(const GpuPlaces& places, base::ThreadPool* pool);
   void allow_device(MakeDevice make = make_device_assembly);
   [[nodiscard]] bool on_device() const { return device_ != nullptr; }
+  /// See SystemOnDevice.
+  [[nodiscard]] const DeviceShare* device_share() const {
+    return on_device_system_ == nullptr ? nullptr : on_device_system_->device_share();
+  }
   [[nodiscard]] const std::string& device_notice() const { return device_notice_; }
   /// Vectors of an integrator on the GPU that has factor and bodies, for one integrator at a time.
   /// @param ticket  made the number that stands for them
@@ -139,6 +143,7 @@ class Equations {
   [[nodiscard]] bool factorize_assembled(const StateView& s, bool on_device);
 
   System& system_;
+  SystemOnDevice* on_device_system_;  // the same; null: it has nothing for a GPU
   Sizes sizes_;
   std::unique_ptr<DeviceAssembly> device_;  // outlives what lies on it: a part of K, and of the system (leave_device())
   MakeDevice make_device_ = nullptr;        // null: not allowed

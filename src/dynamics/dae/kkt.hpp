@@ -65,7 +65,7 @@ class KktSolver {
   void leave_device();
   /// Whether factorize_on_device() can be used; the first factorization of an analysis is made on the host.
   [[nodiscard]] bool on_device() const { return device_ != nullptr && gpu() >= 0; }
-  /// Zeros; W's entries, for System::tangent_on_device().
+  /// Zeros; W's entries, for SystemOnDevice::tangent_on_device().
   [[nodiscard]] double* clear_on_device() { return device_->clear(); }
   /// As factorize(), W on the GPU, where w_values() holds what the host adds.
   /// @return false: the factor went to the host, which has to assemble K; nothing was factorized

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <optional>
 
+#include "dynamics/dae/assembled_system.hpp"
+
 namespace espalier::dynamics {
 namespace {
 

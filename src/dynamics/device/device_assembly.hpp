@@ -18,6 +18,8 @@
 
 namespace espalier::dynamics {
 
+struct DeviceShare;
+
 /// The pattern of K and what of it does not come from bodies on the GPU. Lent for the call that makes a DeviceMatrix.
 struct DeviceMatrixLayout {
   const SparsePattern* w = nullptr;

@@ -31,7 +31,7 @@ class CoordinateLaw {
 };
 
 /// Applies a law along a relative coordinate: wrench -c s, c = dg/dx. An angle counts its turns.
-class CoordinateForce final : public FrameForce {
+class CoordinateForce final : public FrameForce, public Remembers {
  public:
   using Coordinate = PairCoordinate;
   CoordinateForce(std::string name, FramePtr a, FramePtr b, Coordinate coordinate, std::unique_ptr<CoordinateLaw> law);

@@ -12,7 +12,7 @@
 namespace espalier::dynamics {
 
 /// Pressure p(t, q, v, lambda) on a set of faces, positive towards the solid.
-class FacePressure final : public Component, public Switching {
+class FacePressure final : public Component, public Switching, public ReadsMultipliers {
  public:
   FacePressure(std::string name, std::unique_ptr<PressedFaces> faces)
       : Component(std::move(name)), faces_(std::move(faces)) {}

@@ -17,7 +17,7 @@ using Vec12 = Eigen::Matrix<double, 12, 1>;
 
 /// A force element that acts on two frames (the second may be the ground). Its law is stated in twist coordinates
 /// [A; B]; the assembly to the bodies' coordinates is done here.
-class FrameForce : public Component, public Switching {
+class FrameForce : public Component, public Switching, public ReadsMultipliers {
  public:
   FrameForce(std::string name, FramePtr a, FramePtr b);
 

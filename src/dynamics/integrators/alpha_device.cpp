@@ -59,14 +59,14 @@ void GeneralizedAlpha::enter_device() {
 // The rest of reach().
 void GeneralizedAlpha::reach_there() {
   vectors_.there().run(PositionReached{});
-  for (const Component* c : vectors_.share().owners) c->retract(state_.q, delta_, trial_.q);
+  for (const OwnCoordinates& c : vectors_.share().owners) c.retract(state_.q, delta_, trial_.q);
   carry({trial_.a, trial_.v});
   vectors_.see(arrays(), trial_, {&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 
 // Bodies have the weights that went there with them.
 void GeneralizedAlpha::weigh_there() {
-  for (const Component* c : vectors_.share().owners) c->magnitude(state_.q, weight_);
+  for (const OwnCoordinates& c : vectors_.share().owners) c.magnitude(state_.q, weight_);
   size_q_ = std::max(size_q_there_, measure({.largest = {&MotionArrays::delta}, .sums = {}}).largest[0]);
   for (const Index i : vectors_.share().own) {
     size_q_ = std::max(size_q_, weight_[at(i)]);
@@ -92,7 +92,7 @@ double GeneralizedAlpha::take_change_there(Change& change, StepReport& report) {
   const std::size_t n = delta_.size();
   run(ScaledChange{});
   const Span da(rhs_.data(), n), dlambda = Span(rhs_).subspan(n);
-  for (const Component* c : vectors_.share().owners) c->rate_of_velocity(delta_, da, da);
+  for (const OwnCoordinates& c : vectors_.share().owners) c.rate_of_velocity(delta_, da, da);
   run(ChangedAcceleration{h_before_ > 0 ? h_ / h_before_ : 0.0});
   const MotionRecord record = measure({.largest = {&MotionArrays::force, &MotionArrays::f, &MotionArrays::work,
                                                    &MotionArrays::change, &MotionArrays::second},

@@ -72,7 +72,7 @@ void GeneralizedAlpha::constraints_of_trial() {
 void GeneralizedAlpha::carry(std::initializer_list<Span> vectors) const {
   const std::span<const Span> all(vectors.begin(), vectors.size());
   if (!on_device()) return equations_.system().carry(delta_, all);
-  for (const Component* c : vectors_.share().owners) c->carry(delta_, all);
+  for (const OwnCoordinates& c : vectors_.share().owners) c.carry(delta_, all);
 }
 
 // The multiple of the last change that would have predicted this step best (least squares, weighted), in [0, 1]: near 1

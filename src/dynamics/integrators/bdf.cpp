@@ -146,7 +146,7 @@ double BdfIntegrator::distance_from_factor() {
     return norm(work_n_, weight_q_);
   }
   there().run(WayFromFactor{});
-  for (const Component* c : share().owners) c->local(placed_q_, trial_.q, work_n_);
+  for (const OwnCoordinates& c : share().owners) c.local(placed_q_, trial_.q, work_n_);
   const MotionRecord record = measure({.largest = {}, .sums = {{&MotionArrays::work, &MotionArrays::weight_q}}});
   return std::sqrt(record.sum[0] / static_cast<double>(work_n_.size()));
 }

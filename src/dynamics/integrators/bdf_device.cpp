@@ -99,7 +99,7 @@ void BdfIntegrator::push_there(bool in_place_of_newest) {
 void BdfIntegrator::error_weights_there() {
   // Those of a budget stay as they were sent.
   if (!options_.budget.given()) there().run(VelocityWeights{options_.relative, options_.absolute_velocity});
-  for (const Component* c : share().owners) c->magnitude(state_.q, weight_q_);
+  for (const OwnCoordinates& c : share().owners) c.magnitude(state_.q, weight_q_);
   size_q_ = size_q_there_;
   for (const Index k : share().own) {
     const auto i = static_cast<std::size_t>(k);
@@ -112,14 +112,16 @@ void BdfIntegrator::error_weights_there() {
 
 void BdfIntegrator::place_factor_there() {
   there().run(CopyOf{&MotionArrays::placed_q, &MotionArrays::q});
-  for (const Component* c : share().owners)
-    std::copy_n(trial_.q.begin() + c->placement().q, c->sizes().configuration, placed_q_.begin() + c->placement().q);
+  for (const OwnCoordinates& c : share().owners) {
+    const auto first = static_cast<std::ptrdiff_t>(c.q());
+    std::copy_n(trial_.q.begin() + first, c.component().sizes().configuration, placed_q_.begin() + first);
+  }
 }
 
 void BdfIntegrator::predict_position() {
   if (!on_device()) return equations_.system().retract(history_.q(0), theta_, trial_.q);
   there().run(PositionInChart{});
-  for (const Component* c : share().owners) c->retract(history_.q(0), theta_, trial_.q);
+  for (const OwnCoordinates& c : share().owners) c.retract(history_.q(0), theta_, trial_.q);
 }
 
 // q := q (+) change
@@ -127,20 +129,20 @@ void BdfIntegrator::move_position(MotionVector change) {
   const ConstSpan here(arrays().*change, theta_.size());
   if (!on_device()) return equations_.system().retract(trial_.q, here, trial_.q);
   there().run(AddTo{&MotionArrays::q, change});
-  for (const Component* c : share().owners) c->retract(trial_.q, here, trial_.q);
+  for (const OwnCoordinates& c : share().owners) c.retract(trial_.q, here, trial_.q);
 }
 
 // theta := the chart's coordinates of q
 void BdfIntegrator::chart_of_position() {
   if (!on_device()) return equations_.system().local(history_.q(0), trial_.q, theta_);
   there().run(ChartOfPosition{});
-  for (const Component* c : share().owners) c->local(history_.q(0), trial_.q, theta_);
+  for (const OwnCoordinates& c : share().owners) c.local(history_.q(0), trial_.q, theta_);
 }
 
 // r1_ := the velocities that belong to these rates of theta
 void BdfIntegrator::velocity_of_rates() {
   if (!on_device()) return equations_.system().velocity_of_rate(theta_, r1_, r1_);
-  for (const Component* c : share().owners) c->velocity_of_rate(theta_, r1_, r1_);
+  for (const OwnCoordinates& c : share().owners) c.velocity_of_rate(theta_, r1_, r1_);
 }
 
 // F + Phi_q^T lambda, and -F in the first right-hand side.

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 
 namespace espalier::dynamics {
 
@@ -24,15 +24,15 @@ class ChartRates {
   void add_transposed(std::size_t j, double factor, ConstSpan x, Span y) const;
 
  private:
-  struct Curved {
-    const Component* component;
+  struct Chart {
+    const Curved* component;
     std::size_t first, count;                 // velocity coordinates
     std::vector<std::vector<double>> blocks;  // of each D_j, count x count, by columns
   };
   void by_point(std::span<const ConstSpan> q, std::size_t j);
   void rate(std::span<const ConstSpan> q, std::size_t moved, std::vector<double>& r);
 
-  std::vector<Curved> curved_;
+  std::vector<Chart> curved_;
   std::vector<char> flat_;  // n
   std::vector<double> weights_;
   std::vector<std::vector<double>> theta_;  // of the points as they are

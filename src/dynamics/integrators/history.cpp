@@ -60,7 +60,7 @@ void History::make_charts(base::ThreadPool* pool, const DeviceShare* share) {
     Point& past = points_[place(j)];
     times_[static_cast<std::size_t>(j)] = past.t;
     if (share != nullptr) {
-      for (const Component* c : share->owners) c->local(newest, past.q, past.theta);
+      for (const OwnCoordinates& c : share->owners) c.local(newest, past.q, past.theta);
     } else if (j == 0) {
       fill_zero(pool, past.theta);
     } else {

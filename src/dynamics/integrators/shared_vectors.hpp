@@ -36,7 +36,7 @@ class SharedVectors {
 
   // On a GPU
   [[nodiscard]] DeviceMotion& there() const { return *memory(); }
-  [[nodiscard]] const DeviceShare& share() const { return *equations_.system().device_share(); }
+  [[nodiscard]] const DeviceShare& share() const { return *equations_.device_share(); }
   [[nodiscard]] StateView state(const State& trial) const;
   /// Vectors of the host as a whole.
   void send(const MotionArrays& here, std::span<const MotionVector> vectors) const;

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/equations.hpp"
 #include "dynamics/integrators/chart_rates.hpp"
 #include "dynamics/integrators/level_derivatives.hpp"

@@ -18,7 +18,7 @@ struct MaterialVector {
 };
 
 /// u . w = rest, row by row.
-class ConstantProducts final : public Component {
+class ConstantProducts final : public Component, public Constrains {
  public:
   struct Row {
     MaterialVector u, w;

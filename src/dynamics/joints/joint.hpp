@@ -69,7 +69,7 @@ struct Wrench {
 };
 
 /// A joint between frames (two for nearly all kinds). Made by the functions below or from rows of one's own.
-class Joint final : public Component, public Switching {
+class Joint final : public Component, public Constrains, public Switching, public Remembers {
  public:
   /// `kind` is the word used in names, for instance "revolute".
   /// @throws std::invalid_argument if a row uses the rotation of a frame that has none

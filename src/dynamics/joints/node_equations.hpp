@@ -28,7 +28,7 @@ struct NodeEquation {
 };
 
 /// Equations that hold exactly.
-class NodeEquations final : public Component {
+class NodeEquations final : public Component, public Constrains {
  public:
   /// @param equations  of bodies of a system already, which outlive this
   NodeEquations(std::string name, std::vector<NodeEquation> equations);

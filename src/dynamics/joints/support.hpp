@@ -14,7 +14,7 @@ namespace espalier::dynamics {
 
 /// Equations e . x - rest - f(t) = 0 for vertices x of one body and constant directions e, or sums of such products.
 /// Vertices behind that of a node's position are its directors or slopes.
-class Support final : public Component, public Switching {
+class Support final : public Component, public Constrains, public Switching {
  public:
   struct Part {
     Index vertex = 0;               ///< of the body

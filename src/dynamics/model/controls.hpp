@@ -26,7 +26,7 @@ struct Switch {
 };
 
 /// A component without unknowns that keeps all of this, so that it goes into restart files.
-class Controls final : public Component {
+class Controls final : public Component, public Remembers {
  public:
   /// An event's memory.
   struct Event {

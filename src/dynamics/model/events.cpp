@@ -29,14 +29,14 @@ void EventWatch::note(const StateView& s, const std::vector<std::size_t>& happen
 
 EventWatch::Memory EventWatch::remember(const Integrator& integrator) const {
   Memory memory{integrator.clone(), {}};
-  for (const auto& component : mechanism_.system.components()) component->save(memory.components);
+  mechanism_.system.save(memory.components);
   return memory;
 }
 
 void EventWatch::go_back(const Memory& memory, std::unique_ptr<Integrator>& integrator) const {
   integrator = memory.integrator->clone();
   ConstSpan numbers = memory.components;
-  for (const auto& component : mechanism_.system.components()) component->restore(numbers);
+  mechanism_.system.restore(numbers);
 }
 
 // From the beginning of the step to t; the integrator may need more than one.

@@ -14,6 +14,7 @@
 #include "dynamics/bodies/reduced_body.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/coordinate_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"

@@ -119,7 +119,7 @@ class RestartFile {
     ConstSpan rest = numbers_;
     try {
       integrator.restore(rest);
-      for (const auto& component : mechanism.system.components()) component->restore(rest);
+      mechanism.system.restore(rest);
     } catch (const Error& error) {
       refuse(error.what());
     }
@@ -139,7 +139,7 @@ class RestartFile {
 std::string restart_bytes(Mechanism& mechanism, Integrator& integrator) {
   std::vector<double> numbers;
   integrator.save(numbers);
-  for (const auto& component : mechanism.system.components()) component->save(numbers);
+  mechanism.system.save(numbers);
   const std::string text = encode(mechanism);
   Counts counts = counts_of(mechanism);
   counts.text_bytes = text.size();

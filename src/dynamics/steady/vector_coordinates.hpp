@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "dynamics/bodies/rotation.hpp"
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 
 namespace espalier::dynamics {
 

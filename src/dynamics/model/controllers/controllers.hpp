@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/forces/state_function.hpp"
 #include "fmi/foreign.hpp"
 
@@ -16,7 +16,7 @@ namespace espalier::dynamics::model {
 struct ControllerSpec;
 
 /// A component without unknowns, so that it goes into restart files: with the FMUs' states, where they give them.
-class Controllers final : public Component {
+class Controllers final : public Component, public Remembers {
  public:
   struct Output {
     std::string name;

@@ -26,8 +26,7 @@ void MotionRecord::add(const State& state, int order) {
   Point point{state, order, {}};
   const auto& components = mechanism_.system.components();
   for (std::size_t c = 0; c < components.size(); ++c) {
-    std::vector<double> now;
-    components[c]->save(now);
+    std::vector<double> now = memory_of(*components[c]);
     const bool same = !points_.empty() && *points_.back().memory[c] == now;
     point.memory.push_back(same ? points_.back().memory[c]
                                 : std::make_shared<const std::vector<double>>(std::move(now)));
@@ -47,7 +46,8 @@ void MotionRecord::remember(std::size_t k) const {
   for (std::size_t c = 0; c < components.size(); ++c) {
     ConstSpan numbers = *points_[k].memory[c];
     const bool never_changed = points_.front().memory[c] == points_.back().memory[c];
-    if (!numbers.empty() && !never_changed) components[c]->restore(numbers);
+    if (numbers.empty() || never_changed) continue;
+    dynamic_cast<Remembers&>(*components[c]).restore(numbers);
   }
 }
 

@@ -385,9 +385,7 @@ class SensitivityRun {
       const auto a = own[k]->sizes(), b = others[k]->sizes();
       if (a.velocity != b.velocity || a.constraints != b.constraints || a.configuration != b.configuration)
         jump(fmt::format("the number of unknowns of '{}'", own[k]->name()));
-      std::vector<double> marks, other;
-      own[k]->save(marks);
-      others[k]->save(other);
+      const std::vector<double> marks = dynamics::memory_of(*own[k]), other = dynamics::memory_of(*others[k]);
       if (marks.size() != other.size()) jump(fmt::format("what '{}' remembers", own[k]->name()));
       const double size = dynamics::max_norm(marks);
       for (std::size_t i = 0; i < marks.size(); ++i)

@@ -66,13 +66,9 @@ std::string why_no_ode(Runner& runner) {
   if (!mechanism.surface_contacts.empty())
     return fmt::format("the contact '{}' remembers where it touched", mechanism.surface_contacts.front().name);
   if (!mechanism.conditions.empty()) return "it has [events], at which its state may jump";
-  std::vector<double> memory;
   for (const auto& component : mechanism.system.components())
-    if (component.get() != mechanism.controls) {
-      component->save(memory);
-      if (!memory.empty())
-        return fmt::format("'{}' remembers its past beside positions and velocities", component->name());
-    }
+    if (component.get() != mechanism.controls && !memory_of(*component).empty())
+      return fmt::format("'{}' remembers its past beside positions and velocities", component->name());
   return {};
 }
 

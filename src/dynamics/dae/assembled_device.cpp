@@ -2,15 +2,20 @@
 #include <algorithm>
 
 #include "base/parallel.hpp"
-#include "dynamics/dae/system.hpp"
+#include "dynamics/dae/assembled_system.hpp"
 
 namespace espalier::dynamics {
+
+bool AssembledSystem::fits_device(std::size_t component) const {
+  const OnDevice* const c = on_device_[component];
+  return c != nullptr && c->fits_device();
+}
 
 double AssembledSystem::host_share() const {
   Offset host = 0;
   bool any = false;
   for (std::size_t k = 0; k < components_.size(); ++k)
-    if (components_[k]->fits_device())
+    if (fits_device(k))
       any = true;
     else
       host += declared_[k];
@@ -25,11 +30,12 @@ bool AssembledSystem::use_device(DeviceAssembly& device, std::span<const Offset>
   if (host_share() > kMostOfHost) return false;
   PatternBuilder of_host(sizes_.velocity, sizes_.velocity, true);
   PatternBuilder unused(sizes_.constraints, sizes_.velocity, false);
-  for (const auto& c : components_) {
-    if (c->fits_device()) {
-      c->use_device(device, k_ptr);
+  for (std::size_t k = 0; k < components_.size(); ++k) {
+    if (fits_device(k)) {
+      on_device_[k]->use_device(device, k_ptr);
       continue;
     }
+    const auto& c = components_[k];
     c->declare(of_host, unused);
     // The diagonal stands in W without being declared: masses.
     for (Index i = 0; i < c->sizes().velocity; ++i) of_host.add(c->placement().v + i, c->placement().v + i);
@@ -56,13 +62,14 @@ void AssembledSystem::divide_coordinates(const SparsePattern& w_of_host) {
   share_.reset();
   DeviceShare share;
   std::vector<char> mark(static_cast<std::size_t>(sizes_.velocity), 0);  // 1: of the host, 2: seen
-  for (const auto& c : components_) {
-    if (!c->reads_what_it_declares()) return;
-    const Sizes own = c->sizes();
-    const Placement at = c->placement();
+  if (!changing_.empty()) return;                                        // reads more than it declares
+  for (std::size_t k = 0; k < components_.size(); ++k) {
+    const Component& c = *components_[k];
+    const Sizes own = c.sizes();
+    const Placement at = c.placement();
     if (own.velocity == 0) continue;
-    if (!c->fits_device()) {
-      share.owners.push_back(c.get());
+    if (!fits_device(k)) {
+      share.owners.emplace_back(c);
       std::fill_n(mark.begin() + at.v, own.velocity, char{1});
     } else if (!share.ranges.empty() && share.ranges.back().v + share.ranges.back().count == at.v &&
                share.ranges.back().q + share.ranges.back().count == at.q) {
@@ -97,7 +104,8 @@ void AssembledSystem::divide_coordinates(const SparsePattern& w_of_host) {
 void AssembledSystem::leave_device() {
   host_entries_.clear();
   share_.reset();
-  for (const auto& c : components_) c->leave_device();
+  for (OnDevice* const c : on_device_)
+    if (c != nullptr) c->leave_device();
 }
 
 }  // namespace espalier::dynamics
