@@ -4,6 +4,7 @@
 
 #include "dynamics/bodies/reduced_inertia.hpp"
 #include "dynamics/bodies/rotation.hpp"
+#include "dynamics/dae/capabilities.hpp"
 
 namespace espalier::dynamics {
 

@@ -5,6 +5,7 @@
 #include <array>
 
 #include "dynamics/bodies/rotation.hpp"
+#include "dynamics/dae/capabilities.hpp"
 
 namespace espalier::dynamics {
 

@@ -5,6 +5,7 @@
 
 #include <array>
 
+#include "dynamics/dae/component.hpp"
 #include "dynamics/dae/frame.hpp"
 
 namespace espalier::dynamics {

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "dynamics/contact/law.hpp"
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/dae/switching.hpp"
 
 namespace espalier::dynamics::contact {

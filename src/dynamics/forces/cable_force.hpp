@@ -2,6 +2,7 @@
 /// An elastic cable through rings, which can go slack and rubs in them.
 #pragma once
 
+#include "dynamics/dae/component.hpp"
 #include "dynamics/forces/joint_friction.hpp"
 
 namespace espalier::dynamics {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/forces/force_inputs.hpp"
 #include "dynamics/forces/pressed_faces.hpp"
 

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/forces/force_inputs.hpp"
 #include "dynamics/joints/joint.hpp"
 

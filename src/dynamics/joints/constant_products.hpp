@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/capabilities.hpp"
 
 namespace espalier::dynamics {
 

@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/dae/frame_blocks.hpp"
 #include "dynamics/joints/pair_function.hpp"
 #include "dynamics/joints/relative.hpp"

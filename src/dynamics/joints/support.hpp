@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/forces/vector_function.hpp"
 #include "dynamics/joints/time_function.hpp"
 

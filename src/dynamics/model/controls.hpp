@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "dynamics/contact/contact.hpp"
+#include "dynamics/dae/capabilities.hpp"
 #include "dynamics/forces/cable_force.hpp"
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/forces/frame_force.hpp"
