@@ -25,7 +25,7 @@
 namespace espalier::dynamics::model {
 
 /// A component without unknowns that keeps what has failed, so that it goes into restart files.
-class Erosion final : public Component {
+class Erosion final : public Component, public Remembers {
  public:
   /// @param mechanism  outlives it
   explicit Erosion(Mechanism& mechanism) : Component("erosion"), mechanism_(mechanism) {}
