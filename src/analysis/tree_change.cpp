@@ -13,6 +13,7 @@ namespace espalier::analysis {
 namespace {
 
 class TreeChange {
+  using Edge = PatternChange::Edge;
   static constexpr std::int64_t kFronts = 256;  // per range of a loop
   static constexpr std::int64_t kColumns = 4096;
   static constexpr std::int64_t kOfOneHeight = 8;
@@ -46,8 +47,12 @@ class TreeChange {
   ChangedTree run() {
     join_trees();
     if (joined_) drop_and_sort(true);  // ways to the root are followed by rising numbers
+    touch_ends(change_.removed);       // an entry that is gone stood in the lower front of before
     lift_unknowns();
-    touch_ends();
+    lower_unknowns();
+    rows_to_add_.insert(rows_to_add_.end(), change_.added.begin(), change_.added.end());
+    touch_ends(change_.added);
+    for (const Index v : change_.diagonal) touched_[at(front_[at(v)])] |= kEntries;
     drop_and_sort(false);
     take_pivots();
     make_rows();
@@ -165,12 +170,84 @@ class TreeChange {
     });
   }
 
+  // The front in which the neighbours of v meet that stand below its own; -1: there are none.
+  [[nodiscard]] Index meeting_below(Index v) const {
+    const Index f = front_[at(v)];
+    Index m = -1;
+    visit_neighbours(v, [&](Index u) {
+      const Index g = front_[at(u)];
+      if (g < f) m = m < 0 ? g : meeting(m, g);
+    });
+    return m < f ? m : -1;
+  }
+
+  // Unknowns that have lost an edge and do not hold anything apart any more: what a crack has passed, a contact that
+  // has opened. The lowest come first, since those above stand over them then.
+  [[nodiscard]] std::vector<std::pair<Index, Index>> idle_unknowns() const {
+    std::vector<Index> ends;
+    for (const auto& [u, v] : change_.removed) {
+      ends.push_back(u);
+      ends.push_back(v);
+    }
+    std::sort(ends.begin(), ends.end());
+    ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
+    std::vector<std::pair<Index, Index>> list;
+    for (const Index v : ends)
+      if (const Index m = meeting_below(v); m >= 0) list.emplace_back(m, v);
+    std::sort(list.begin(), list.end());
+    return list;
+  }
+
+  // Whether v is less work in front g, below its own: there it has the rows that g has, and its neighbours above g,
+  // which the fronts on the way have as new rows, as far as they do not have them; they lose v. In its own front it has
+  // all of the others.
+  [[nodiscard]] bool is_cheaper_in(Index g, Index v, const std::vector<double>& cost,
+                                   const std::vector<Index>& place) const {
+    const Index f = front_[at(v)];
+    const auto rows_of_before = [&](Index p) {
+      return std::span(old_.rows.data() + old_.row_ptr[at(was_[at(p)])], at(old_.rows_below(was_[at(p)])));
+    };
+    double rows = 0, of_new = 0;
+    for (const Index r : rows_of_before(g)) rows += front_[at(old_.order[at(r)])] > g ? 1 : 0;
+    visit_neighbours(v, [&](Index u) {
+      if (u == v || front_[at(u)] < f) return;
+      const auto has_row = [&](Index p) {
+        const auto list = rows_of_before(p);
+        return std::binary_search(list.begin(), list.end(), place[at(u)]);
+      };
+      rows += has_row(g) ? 0 : 1;
+      for (Index p = g; p != f && !has_row(p); p = parent_[at(p)]) of_new += cost[at(p)] - cost[at(parent_[at(p)])];
+    });
+    const double own = pivots_[at(f)] + old_.rows_below(was_[at(f)]);
+    return rows * rows + 2 * (of_new - (cost[at(parent_[at(g)])] - cost[at(f)])) < own * own;
+  }
+
+  // They go down to where their neighbours meet.
+  void lower_unknowns() {
+    const std::vector<std::pair<Index, Index>> list = idle_unknowns();
+    if (list.empty()) return;
+    const std::vector<double> cost = costs_to_root();
+    std::vector<Index> place(at(old_.n));  // of before
+    each_column([&](std::size_t k) { place[at(old_.order[k])] = static_cast<Index>(k); });
+    for (const auto& [unused, v] : list) {
+      const Index f = front_[at(v)], g = meeting_below(v);
+      if (g < 0 || !is_cheaper_in(g, v, cost, place)) continue;
+      touched_[at(f)] |= kRows | kEntries | kPivots;
+      touched_[at(g)] |= kRows | kEntries | kPivots;
+      --pivots_[at(f)];
+      ++pivots_[at(g)];
+      front_[at(v)] = g;
+      lowered_.push_back(v);
+    }
+    for (const Index v : lowered_)
+      visit_neighbours(v, [&](Index u) {
+        if (front_[at(u)] > front_[at(v)]) rows_to_add_.emplace_back(v, u);
+      });
+  }
+
   // An edge is a row of the lower of its two fronts.
-  void touch_ends() {
-    rows_to_add_.insert(rows_to_add_.end(), change_.added.begin(), change_.added.end());
-    for (const auto* list : {&change_.added, &change_.removed})
-      for (const auto& [u, v] : *list) touched_[at(std::min(front_[at(u)], front_[at(v)]))] |= kRows | kEntries;
-    for (const Index v : change_.diagonal) touched_[at(front_[at(v)])] |= kEntries;
+  void touch_ends(std::span<const Edge> edges) {
+    for (const auto& [u, v] : edges) touched_[at(std::min(front_[at(u)], front_[at(v)]))] |= kRows | kEntries;
   }
 
   // Fronts without pivots vanish; those that are left stand in postorder, siblings as before.
@@ -403,7 +480,6 @@ class TreeChange {
   const AssemblyTree& old_;
   const PatternChange& change_;
   base::ThreadPool& pool_;
-  using Edge = PatternChange::Edge;
   std::vector<Index> parent_;         // fronts as they are numbered now
   std::vector<Index> front_;          // by unknown
   std::vector<Index> pivots_;         // fronts; their number
@@ -412,6 +488,7 @@ class TreeChange {
   std::vector<Index> name_;           // by the numbers before the last drop_and_sort()
   std::vector<Index> position_;       // by unknown
   std::vector<Index> column_of_row_;  // empty: identity
+  std::vector<Index> lowered_;        // unknowns
   std::vector<Edge> rows_to_add_;     // edges of which the upper end may be a new row of the lower one's front
   std::vector<Edge> added_;           // the same as fronts and positions, ascending
   std::vector<Offset> child_ptr_;     // fronts + 1

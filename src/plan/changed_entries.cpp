@@ -48,8 +48,17 @@ ChangedEntries::ChangedEntries(const Plan& plan, const MatrixView& a, std::span<
     return std::tie(x.front, x.column, x.entry.row, x.entry.source) <
            std::tie(y.front, y.column, y.entry.row, y.entry.source);
   });
-  for (const auto& [row, col] : kept->removed)
-    if (!both || row >= col) lost_from_.push_back(front_of(std::min(row_position[at(row)], column_position[at(col)])));
+  // What is gone stood with the unknown that was the lower one: where that has moved, all of its front is looked for.
+  if (kept->removed.empty()) return;
+  const std::vector<Index>& order = kept->before.tree.order;
+  std::vector<Index> place(order.size());
+  for (std::size_t k = 0; k < order.size(); ++k) place[at(order[k])] = static_cast<Index>(k);
+  const auto place_before = [&](Index position) { return place[at(plan.tree.order[at(position)])]; };
+  for (const auto& [row, col] : kept->removed) {
+    if (both && row < col) continue;
+    const Index r = row_position[at(row)], c = column_position[at(col)];
+    lost_from_.push_back(front_of(place_before(r) < place_before(c) ? r : c));
+  }
   std::sort(lost_from_.begin(), lost_from_.end());
 }
 

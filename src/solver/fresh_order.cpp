@@ -45,7 +45,7 @@ bool FreshOrder::thread_lost() const { return forks_ != base::forks(); }
 // Soon where much changes; else so late that it is likely to be there.
 bool FreshOrder::is_due(Offset entries) {
   constexpr int kChanges = 6;
-  constexpr double kChanged = 0.005;  // of all entries
+  constexpr double kChanged = 0.003;  // of all entries
   entries_ += entries;
   done_ = ++changes_ >= kChanges ||
           static_cast<double>(entries_) > kChanged * static_cast<double>(system_->prepared.a.nonzeros());

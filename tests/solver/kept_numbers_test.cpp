@@ -177,7 +177,7 @@ TEST(KeptNumbers, KeepTheirBudget) {
 TEST(KeptNumbers, SayWhyThereAreNone) {
   const SparseMatrix a = natural_elasticity(9), b = in_contact(a);
   for (const auto& [device, budget, why] :
-       {std::tuple{"host:2", Offset{0}, "several devices"}, {"host:1,1", Offset{3'000'000}, "of the pattern before"}}) {
+       {std::tuple{"host:2", Offset{0}, "several devices"}, {"host:1,1", Offset{3'000'000}, "in core"}}) {
     SCOPED_TRACE(device);
     Options o = bare(true);
     o.threads = 2;
