@@ -194,6 +194,7 @@ class Campaign {
 
   void follow_in_budget(const Case& c, int changes) {
     Options options = c.options;
+    if (options.precision == Precision::mixed) options.precision = Precision::fp32;  // a factor may stay in FP64
     if (!take_budget(c, options)) return;
     Solver partial(options);
     (void)partial.analyze(c.a);
@@ -205,6 +206,7 @@ class Campaign {
       (void)whole.analyze(c.a);
       const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
       if (w.delayed > 0 || p.delayed > 0) return;
+      if (p.status.code == StatusCode::out_of_memory) return;  // pivots have moved, and need more
       if (!count(c, tally, k, compare(partial, whole, p, w, b), p)) return;
       verdict::change_values(now, c.a.values, random_);
     }
