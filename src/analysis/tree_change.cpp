@@ -1,11 +1,11 @@
 #include "analysis/tree_change.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <map>
 #include <numeric>
 #include <utility>
 
+#include "analysis/changed_rows.hpp"
 #include "base/at.hpp"
 
 namespace espalier::analysis {
@@ -16,12 +16,6 @@ class TreeChange {
   using Edge = PatternChange::Edge;
   static constexpr std::int64_t kFronts = 256;  // per range of a loop
   static constexpr std::int64_t kColumns = 4096;
-  static constexpr std::int64_t kOfOneHeight = 8;
-  // What has become of a front, bits.
-  static constexpr char kRows = 1;     // rows below its pivots may be others
-  static constexpr char kEntries = 2;  // entries of the matrix in it came or went
-  static constexpr char kPivots = 4;   // it has won or lost pivots
-  static constexpr char kMoved = 8;    // entries that others had stand in it now
 
  public:
   TreeChange(const AssemblyTree& before, const PatternChange& change, base::ThreadPool& pool)
@@ -55,7 +49,7 @@ class TreeChange {
     for (const Index v : change_.diagonal) touched_[at(front_[at(v)])] |= kEntries;
     drop_and_sort(false);
     take_pivots();
-    make_rows();
+    make_rows({old_, change_, was_, front_, position_, column_of_row_, touched_, rows_to_add_}, out_, pool_);
     return std::move(out_);
   }
 
@@ -328,153 +322,9 @@ class TreeChange {
     each_column([&](std::size_t k) { position_[at(t.order[k])] = static_cast<Index>(k); });
   }
 
-  // The rows of a front as it was, by the positions of now, in the order of then.
-  [[nodiscard]] std::vector<Index> rows_before(Index f) const {
-    const Index o = was_[at(f)];
-    std::vector<Index> rows;
-    rows.reserve(at(old_.rows_below(o)));
-    for (Offset r = old_.row_ptr[at(o)]; r < old_.row_ptr[at(o) + 1]; ++r)
-      rows.push_back(position_[at(old_.order[at(old_.rows[static_cast<std::size_t>(r)])])]);
-    return rows;
-  }
-
   template <class Use>
   void visit_neighbours(Index v, Use&& use) const {
-    const MatrixView& a = change_.a;
-    for (Offset q = a.col_ptr[at(v)]; q < a.col_ptr[at(v) + 1]; ++q) {
-      const Index r = a.row_ind[static_cast<std::size_t>(q)];
-      use(column_of_row_.empty() ? r : column_of_row_[at(r)]);
-    }
-    const auto& ptr = change_.rows.ptr;
-    if (ptr.empty()) return;
-    const std::size_t row = at(change_.row_of_col.empty() ? v : change_.row_of_col[at(v)]);
-    for (Offset q = ptr[row]; q < ptr[row + 1]; ++q) use(change_.rows.col[q]);
-  }
-
-  // Of a front that has not changed, in the order of now. @returns whether that is another one than before
-  bool keep_rows(Index f) {
-    std::vector<Index>& list = rows_[at(f)] = rows_before(f);
-    known_[at(f)] = 1;
-    if (std::is_sorted(list.begin(), list.end())) return false;
-    std::sort(list.begin(), list.end());
-    out_.same[at(f)] = -1;
-    return true;
-  }
-
-  [[nodiscard]] bool has_pivot_beside(Index f, Index row) const {
-    bool found = false;
-    visit_neighbours(out_.tree.order[at(row)], [&](Index u) { found = found || front_[at(u)] == f; });
-    return found;
-  }
-
-  // Adds to `rows` those of `more` that lie above `last`; both ascend.
-  static void unite(std::vector<Index>& rows, std::span<const Index> more, Index last) {
-    more = more.subspan(at(std::upper_bound(more.begin(), more.end(), last) - more.begin()));
-    if (std::includes(rows.begin(), rows.end(), more.begin(), more.end())) return;
-    std::vector<Index> both;
-    both.reserve(rows.size() + more.size());
-    std::set_union(rows.begin(), rows.end(), more.begin(), more.end(), std::back_inserter(both));
-    rows = std::move(both);
-  }
-
-  // Rows that children have and that edges bring, which came, or moved with an unknown. An edge that was there before
-  // and joins one of the front's pivots with a row above is a row of before.
-  [[nodiscard]] std::vector<Index> rows_of(Index f, std::span<const Index> before) {
-    const AssemblyTree& t = out_.tree;
-    const Index last = t.first[at(f) + 1] - 1;
-    std::vector<Index> rows, more, candidates;
-    for (Offset c = child_ptr_[at(f)]; c < child_ptr_[at(f) + 1]; ++c) {
-      const Index child = children_[at(c)];
-      if (known_[at(child)] == 0) (void)keep_rows(child);
-      unite(rows, rows_[at(child)], last);
-    }
-    for (auto e = std::lower_bound(added_.begin(), added_.end(), Edge{f, 0}); e != added_.end() && e->first == f; ++e)
-      more.push_back(e->second);
-    unite(rows, more, last);
-    std::set_difference(before.begin(), before.end(), rows.begin(), rows.end(), std::back_inserter(candidates));
-    more.clear();
-    if (static_cast<Index>(candidates.size()) <= t.pivots(f)) {
-      for (const Index r : candidates)
-        if (r > last && has_pivot_beside(f, r)) more.push_back(r);
-    } else {
-      for (Index k = t.first[at(f)]; k <= last; ++k)
-        visit_neighbours(t.order[at(k)], [&](Index v) {
-          if (position_[at(v)] > last) more.push_back(position_[at(v)]);
-        });
-      std::sort(more.begin(), more.end());
-      more.erase(std::unique(more.begin(), more.end()), more.end());
-    }
-    unite(rows, more, last);
-    return rows;
-  }
-
-  void remake(Index f) {
-    if ((touched_[at(f)] & (kEntries | kPivots)) != 0) out_.same[at(f)] = -1;
-    if ((touched_[at(f)] & kRows) == 0) return;
-    (void)keep_rows(f);
-    std::vector<Index> made = rows_of(f, rows_[at(f)]);
-    const bool other = made != rows_[at(f)];
-    if (other || (touched_[at(f)] & kPivots) != 0) changed_[at(f)] = 1;
-    if (!other) return;
-    out_.same[at(f)] = -1;
-    rows_[at(f)] = std::move(made);
-    if (const Index up = parent_[at(f)]; up >= 0)
-      std::atomic_ref<char>(touched_[at(up)]).fetch_or(kRows, std::memory_order_relaxed);
-  }
-
-  // Children of each front, and the fronts by their height above the leaves: those of one height are independent.
-  [[nodiscard]] std::vector<std::vector<Index>> by_height() {
-    const auto fronts = parent_.size();
-    child_ptr_.assign(fronts + 1, 0);
-    for (const Index p : parent_)
-      if (p >= 0) ++child_ptr_[at(p) + 1];
-    std::partial_sum(child_ptr_.begin(), child_ptr_.end(), child_ptr_.begin());
-    children_.resize(at(child_ptr_.back()));
-    std::vector<Offset> next(child_ptr_.begin(), child_ptr_.end() - 1);
-    std::vector<Index> height(fronts, 0);
-    std::vector<std::vector<Index>> list;
-    for (std::size_t f = 0; f < fronts; ++f) {
-      if (list.size() <= at(height[f])) list.emplace_back();
-      list[at(height[f])].push_back(static_cast<Index>(f));
-      if (parent_[f] < 0) continue;
-      children_[at(next[at(parent_[f])]++)] = static_cast<Index>(f);
-      height[at(parent_[f])] = std::max(height[at(parent_[f])], height[f] + 1);
-    }
-    return list;
-  }
-
-  void make_rows() {
-    AssemblyTree& t = out_.tree;
-    const auto fronts = at(t.fronts());
-    for (const auto& [u, v] : rows_to_add_) {
-      const bool lower = position_[at(u)] < position_[at(v)];
-      added_.emplace_back(front_[at(lower ? u : v)], position_[at(lower ? v : u)]);
-    }
-    std::sort(added_.begin(), added_.end());
-    added_.erase(std::unique(added_.begin(), added_.end()), added_.end());
-    rows_.resize(fronts);
-    known_.assign(fronts, 0);
-    changed_.assign(fronts, 0);
-    out_.same = was_;
-    out_.with_pivots = was_;
-    for (std::size_t f = 0; f < fronts; ++f)
-      if ((touched_[f] & (kPivots | kMoved)) != 0) out_.with_pivots[f] = -1;
-    for (const std::vector<Index>& list : by_height())
-      pool_.for_each_range(static_cast<std::int64_t>(list.size()), kOfOneHeight, [&](std::int64_t b, std::int64_t e) {
-        for (std::int64_t k = b; k < e; ++k) remake(list[at(k)]);
-      });
-    t.row_ptr.resize(fronts + 1);
-    t.row_ptr[0] = 0;
-    for (std::size_t f = 0; f < fronts; ++f)
-      t.row_ptr[f + 1] =
-          t.row_ptr[f] + (known_[f] != 0 ? static_cast<Offset>(rows_[f].size()) : old_.rows_below(was_[f]));
-    t.rows.resize(static_cast<std::size_t>(t.row_ptr.back()));
-    each_front(t.fronts(), [&](Index f) {
-      if (known_[at(f)] == 0) (void)keep_rows(f);
-      std::copy(rows_[at(f)].begin(), rows_[at(f)].end(), t.rows.begin() + t.row_ptr[at(f)]);
-      rows_[at(f)] = {};
-    });
-    out_.kept = static_cast<Index>(std::count(changed_.begin(), changed_.end(), 0));
+    analysis::visit_neighbours(change_, column_of_row_, v, use);
   }
 
   const AssemblyTree& old_;
@@ -490,11 +340,6 @@ class TreeChange {
   std::vector<Index> column_of_row_;  // empty: identity
   std::vector<Index> lowered_;        // unknowns
   std::vector<Edge> rows_to_add_;     // edges of which the upper end may be a new row of the lower one's front
-  std::vector<Edge> added_;           // the same as fronts and positions, ascending
-  std::vector<Offset> child_ptr_;     // fronts + 1
-  std::vector<Index> children_;
-  std::vector<std::vector<Index>> rows_;  // fronts; of those that are known
-  std::vector<char> known_, changed_;     // fronts
   bool joined_ = false;
   ChangedTree out_;
 };
