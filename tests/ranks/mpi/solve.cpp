@@ -108,6 +108,38 @@ void check(const espalier::Ranks& ranks, const std::vector<std::string>& words, 
            words[0] + ": other bits of many");
 }
 
+// Few values change, and sub-trees that they do not reach are kept. Alone everything is made.
+void check_partial(const espalier::Ranks& ranks, const std::vector<std::string>& words) {
+  espalier::SparseMatrix a = espalier::matrix::generate(espalier::matrix::parse_generator(words));
+  const Index n = a.rows, me = ranks.rank();
+  const Index first = n * me / ranks.size(), count = n * (me + 1) / ranks.size() - first;
+  espalier::Options options;
+  options.threads = 1;
+  options.device = "cpu";
+  espalier::Solver alone(options);
+  options.partial_refactorization = true;
+  espalier::Solver solver(ranks, options);
+  Rows part = rows_of(a, first, first + count);
+  expect(alone.analyze(a).status.ok(), "alone");
+  const auto analysis = solver.analyze(espalier::LocalRows{n, first, part.ptr, part.col, part.values, a.storage});
+  expect(analysis.status.ok(), analysis.status.message);
+  double least = 1;
+  for (Index k = 0; k < 5; ++k) {
+    a.values[static_cast<std::size_t>(a.col_ptr[static_cast<std::size_t>(k * n / 5)])] *= 1.5;
+    part = rows_of(a, first, first + count);
+    const auto factor = solver.refactorize(part.values);
+    expect(factor.status.ok(), factor.status.message);
+    least = std::min(least, factor.work_share);
+    std::vector<double> b(static_cast<std::size_t>(n), 1.0), truth(b.size()), x(static_cast<std::size_t>(count), 1.0);
+    expect(alone.refactorize(a.values).status.ok() && alone.solve(b, truth).status.ok(), "alone");
+    const auto solved = solver.solve(x, x);
+    expect(solved.status.ok(), solved.status.message);
+    expect(count == 0 || std::memcmp(x.data(), truth.data() + first, x.size() * sizeof(double)) == 0,
+           words[0] + ": other bits where few values change");
+  }
+  expect(least < 1, words[0] + ": every rank has made everything");
+}
+
 // A damped system, of which the last rank has no rows.
 void check_complex(const espalier::Ranks& ranks, const std::vector<std::string>& words) {
   using Value = std::complex<double>;
@@ -255,6 +287,11 @@ int main(int argc, char** argv) {
       check(ranks, {"kkt", "3", "4", "2", "2"}, ranks.size() > 1);
       check(ranks, {"gyroscopic", "5", "4", "4"}, false);
       check(ranks, {"elasticity", "6", "5", "4"}, false, espalier::Precision::mixed);
+      if (device == "cpu") {
+        check_partial(ranks, {"elasticity", "7", "6", "5"});
+        check_partial(ranks, {"kkt", "5", "4", "2", "2"});
+        check_partial(ranks, {"gyroscopic", "6", "5", "4"});
+      }
       check_complex(ranks, {"elasticity", "6", "5", "4"});
       check_complex(ranks, {"gyroscopic", "5", "4", "4"});
     }
