@@ -84,7 +84,7 @@ class NumericOf final : public Numeric {
       device_->read_values(given);
       refuse_entry(prepared_, given);
     }
-    if (rescale_) scales_ = scales_for(prepared_, given_, matching_, pool_);
+    if (rescale_ && !restore_) scales_ = scales_for(prepared_, given_, matching_, pool_);
     const bool follows = std::exchange(factorized_, false) && before_.size() > 0;
     if (before_.size() > 0) std::swap(values_, before_);
     const double largest = scale();

@@ -75,7 +75,8 @@ FactorContents contents_of(Session& s, bool by_rows) {
   c.by_rows = by_rows && (p.source.empty() || p.numbers != base::Numbers::real);
   take_matrix(s, c);
   const auto& real_form = a.system->real_form;
-  c.analysis = {a.kind(), real_form ? real_form->tree : whole_tree(a.plan, nullptr), p.row_scale, p.col_scale,
+  const Scales& scales = s.factor->numeric().scales();  // of these numbers, which may not be that of the analysis
+  c.analysis = {a.kind(), real_form ? real_form->tree : whole_tree(a.plan, nullptr), scales.row, scales.col,
                 p.row_of_col};
   return c;
 }

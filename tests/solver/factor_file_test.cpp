@@ -191,6 +191,48 @@ TEST_F(FactorFile, OtherFormsAreMadeAgainOrTaken) {
   solved_by(again.solver);
 }
 
+// The numbers of a factor are those of a matrix in a scaling, which goes along, whatever the options of those who load
+// it.
+TEST_F(FactorFile, TheScalingOfTheNumbersComesAlong) {
+  const std::vector<std::pair<SparseMatrix, Kind>> systems{
+      {reference::random_system(80, 4, reference::Values::positive, 3), Kind::llt},
+      {reference::random_system(80, 4, reference::Values::indefinite, 4), Kind::ldlt},
+      {reference::random_system(80, 4, reference::Values::general, 5), Kind::lu}};
+  for (const auto& [a, kind] : systems)
+    for (const Rescale of_saver : {Rescale::off, Rescale::on, Rescale::equilibration})
+      for (const Rescale of_loader : {Rescale::off, Rescale::on, Rescale::equilibration})
+        for (const Precision precision : {Precision::fp64, Precision::fp32}) {
+          Options o = test::two_threads();
+          o.device = "cpu";
+          o.kind = kind;
+          o.precision = precision;
+          o.rescale = of_saver;
+          o.refinement_steps = 0;
+          o.required_backward_error = std::numeric_limits<double>::infinity();
+          Solver before(o);
+          ASSERT_TRUE(before.analyze(a).status.ok());
+          SparseMatrix other = a;  // D A D, far from the values of the analysis
+          for (Index c = 0; c < a.cols; ++c)
+            for (Offset q = a.col_ptr[static_cast<std::size_t>(c)]; q < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
+              other.values[static_cast<std::size_t>(q)] *=
+                  std::ldexp(1.0, c % 7 + a.row_ind[static_cast<std::size_t>(q)] % 7);
+          ASSERT_TRUE(before.factorize(other).status.ok());
+          ASSERT_TRUE(save_factor(before, path_).ok());
+          o.rescale = of_loader;
+          LoadedFactor after = load_factor(path_, o);
+          ASSERT_TRUE(after.result.status.ok()) << after.result.status.message;
+          EXPECT_TRUE(after.restored);
+          EXPECT_EQ(solved(after.solver, other), solved(before, other))
+              << static_cast<int>(kind) << static_cast<int>(of_saver) << static_cast<int>(of_loader);
+          EXPECT_EQ(after.result.determinant_log, before.factorize(other).determinant_log);
+          EXPECT_TRUE(after.solver.factorize(a).status.ok());
+          const std::vector<double> b(80, 1.0);
+          std::vector<double> x(80);
+          EXPECT_TRUE(after.solver.solve(b, x).status.ok());
+          EXPECT_LE(reference::backward_error(a, b, x), precision == Precision::fp64 ? 1e-10 : 1e-2);
+        }
+}
+
 TEST_F(FactorFile, TheSortOfNumbersIsSaid) {
   (void)saved(test::generated({"plate", "6", "6"}), test::two_threads());
   EXPECT_FALSE(is_complex_factor(path_));
