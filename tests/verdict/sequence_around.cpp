@@ -198,6 +198,7 @@ void Sequence<T>::saved(Actor<T>& a) {
   if (!save_factor(a.solver, path).ok()) return wrong("a factor cannot be saved");
   Options o = options_;
   o.threads = 1 + static_cast<int>(below(3));
+  o.rescale = static_cast<Rescale>(below(3));
   if (below(3) == 0) o.device = "cpu";
   const bool same_device = o.device == a.solver.options().device;
   LoadedFactorOf<T> loaded = [&] {
