@@ -15,6 +15,7 @@
 #include "built_model.hpp"
 #include "dynamics/model/quantities.hpp"
 #include "dynamics/page/failing_faces.hpp"
+#include "espalier/sensitivities.hpp"
 #include "model_common.hpp"
 
 namespace espalier::dynamics {
@@ -583,6 +584,14 @@ TEST(Erosion, MistakesSayWhatToDo) {
        "= 1 }\n" +
            good + run,
        {"erosion"}}};
+  for (const SensitivityMethod method : {SensitivityMethod::forward, SensitivityMethod::adjoint}) {
+    SimulationOptions options;
+    options.quantities = {"b.position.x"};
+    const SensitivityResult r =
+        sensitivities_of_text(body + good + run, "m.toml", {{"bodies.b.erosion.strain"}}, options, method);
+    EXPECT_EQ(r.status.code, StatusCode::invalid_input);
+    EXPECT_NE(r.status.message.find("bodies.b.erosion"), std::string::npos) << r.status.message;
+  }
   for (const Mistake& m : mistakes) {
     Simulation s;
     const Status status = s.load_text(m.text, "m.toml");
