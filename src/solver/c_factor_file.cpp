@@ -24,7 +24,7 @@ espalier::Status take(espalier_solver& s, Loaded loaded, Place& place, espalier_
   s.rows = s.vector_rows = static_cast<espalier::Index>(solver.rows().count);
   s.nonzeros = static_cast<espalier::Offset>(solver.values().size());
   hand_out(loaded.result, info);
-  const espalier::Status status = loaded.result.status;
+  espalier::Status status = loaded.result.status;
   s.null_space = espalier::solver::null_space_of(std::move(loaded.result), s.by_rows);
   return status;
 }
