@@ -297,7 +297,7 @@ void FlexibleBody::add_inertia(ElementAssembly::VertexRange range, const double*
   }
 }
 
-Component::Stages FlexibleBody::plan_residual(const StateView& s) {
+HasTasks::Stages FlexibleBody::plan_residual(const StateView& s) {
   residual_planned_ = false;
   if (residual_started_) return {};
   planned_ = own(s);
