@@ -95,7 +95,7 @@ struct Options {
   /// Whether a factorization makes only those fronts again that new values reach; all others are kept, and the numbers
   /// are those of a whole factorization, to the last bit (FactorReport::work_share). What fronts leave for their
   /// parents then stays in memory as well, one to two times the size of the factor, and so does a copy of the values.
-  /// In core, on the host as one device or on one GPU; elsewhere everything is made (FactorReport::whole_reason).
+  /// On the host as one device, in core or not, on ranks of hosts, and on one GPU in core; else everything is made.
   bool partial_refactorization = false;
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours
@@ -187,7 +187,7 @@ struct FactorReport {
   double seconds = 0;           ///< whole call
   double flops_per_second = 0;  ///< flops of the analysis over seconds
   double work_share = 1;        ///< operations done, over those for all fronts (Options::partial_refactorization)
-  std::string whole_reason;     ///< with that option: why factorizations here make everything; empty: they need not
+  std::string whole_reason;     ///< with that option: why all fronts were made, where none could be kept; else empty
   Inertia inertia;
   Index two_by_two = 0;        ///< 2x2 pivots taken
   Index perturbed = 0;         ///< pivots that were too small and were replaced, or stand for a zero
