@@ -122,12 +122,12 @@ TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   base::ThreadPool pool(3);
   AssembledSystem system;
   system.set_pool(&pool);
-  std::vector<Component*> all;
+  std::vector<OwnCoordinates> all;
   for (int k = 0; k < 6; ++k) {
     if (k == 0 || k == 3)
-      all.push_back(&system.add(std::make_unique<RigidBody>("body", RigidBodyData{})));
+      all.emplace_back(system.add(std::make_unique<RigidBody>("body", RigidBodyData{})));
     else
-      all.push_back(&system.add(std::make_unique<PointMass>("point", PointMassData{})));
+      all.emplace_back(system.add(std::make_unique<PointMass>("point", PointMassData{})));
   }
   system.finish();
   const auto n = static_cast<std::size_t>(system.sizes().velocity);
@@ -136,14 +136,14 @@ TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   system.initial(q, v);
   const std::vector<double> step = random_vector(n, 7), rate = random_vector(n, 8);
   system.retract(q, step, moved);
-  for (const Component* c : all) c->retract(q, step, expected_q);
+  for (const OwnCoordinates& c : all) c.retract(q, step, expected_q);
   EXPECT_EQ(moved, expected_q);
   system.local(q, moved, theta);
-  for (const Component* c : all) c->local(q, moved, expected);
+  for (const OwnCoordinates& c : all) c.local(q, moved, expected);
   EXPECT_EQ(theta, expected);
   for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(theta[i], step[i], 1e-14);
   system.velocity_of_rate(theta, rate, other);
-  for (const Component* c : all) c->velocity_of_rate(theta, rate, expected);
+  for (const OwnCoordinates& c : all) c.velocity_of_rate(theta, rate, expected);
   EXPECT_EQ(other, expected);
   system.rate_of_velocity(theta, other, other);  // in place
   for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(other[i], rate[i], 1e-14);
@@ -156,7 +156,7 @@ TEST(Vectors, ASystemMovesAllComponentsAsTheyMoveThemselves) {
   EXPECT_EQ(carried, also);
   for (std::size_t i = 0; i < n; ++i) EXPECT_NEAR(carried[i], expected[i], 1e-14);
   system.retract(moved, step, moved);  // in place
-  for (const Component* c : all) c->retract(expected_q, step, expected_q);
+  for (const OwnCoordinates& c : all) c.retract(expected_q, step, expected_q);
   EXPECT_EQ(moved, expected_q);
 }
 
