@@ -31,6 +31,24 @@ class Film {
     this.rest = this.place(this.rows(rest, 0, rest.length / 2, scene.rest_ranges, 7));
   }
 
+  /** Whether an edge is seen at a time: one of triangles is seen where one of these is. */
+  isEdgeSeen(edge, t) {
+    if (!this.seen) return true;
+    if (!this.trianglesOfEdges) this.trianglesOfEdges = this.findTrianglesOfEdges();
+    const beside = this.trianglesOfEdges[edge];
+    return !beside.length || beside.some(triangle => this.isSeen(triangle, t));
+  }
+
+  findTrianglesOfEdges() {
+    const key = (a, b) => Math.min(a, b) * this.points + Math.max(a, b), beside = new Map();
+    for (let k = 0; k < this.edges.length; k += 2) beside.set(key(this.edges[k], this.edges[k + 1]), []);
+    for (let c = 0; c < this.triangles.length; ++c) {
+      const next = c % 3 === 2 ? c - 2 : c + 1, triangles = beside.get(key(this.triangles[c], this.triangles[next]));
+      if (triangles) triangles.push(Math.floor(c / 3));
+    }
+    return Array.from({length: this.edges.length / 2}, (_, k) => beside.get(key(this.edges[2 * k], this.edges[2 * k + 1])));
+  }
+
   /** Whether a triangle is seen at a time: those of elements that have failed are not, those that they lay bare are. */
   isSeen(triangle, t) {
     return !this.seen || (this.seen[2 * triangle] <= t && t < this.seen[2 * triangle + 1]);

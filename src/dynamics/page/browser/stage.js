@@ -76,18 +76,16 @@ class Stage {
   indexBodies() {
     const {film, hidden} = this, shown = k => !hidden.has(film.bodyOf[k]);
     const faces = [], flat = [], lines = [], bare = [], inFace = new Uint8Array(film.points), joined = new Uint8Array(film.points);
-    const onFace = new Uint8Array(film.points);  // points of faces that are seen
     for (let c = 0; c < film.triangles.length; ++c) inFace[film.triangles[c]] = 1;
     for (let c = 0; c < film.triangles.length; c += 3) {
       if (!film.isSeen(c / 3, this.time)) continue;
-      for (let i = c; i < c + 3; ++i) onFace[film.triangles[i]] = 1;
       if (!shown(film.triangles[c])) continue;
       for (let i = c; i < c + 3; ++i) { faces.push(this.surface.vertex[i]); flat.push(film.triangles[i]); }
     }
     for (let k = 0; k < film.edges.length; k += 2) {
       const [a, b] = [film.edges[k], film.edges[k + 1]];
       joined[a] = joined[b] = 1;
-      if (inFace[a] && inFace[b] && !(onFace[a] && onFace[b])) continue;
+      if (!film.isEdgeSeen(k / 2, this.time)) continue;
       if (shown(a)) (inFace[a] && inFace[b] ? lines : bare).push(a, b);
     }
     const dots = [];
