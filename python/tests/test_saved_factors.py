@@ -134,7 +134,7 @@ def test_another_process_with_another_number_of_threads(tmp_path):
     solver = esp.Solver(a, threads=1)
     solver.save_factor(tmp_path / "f")
     x = solver.solve(np.ones(300), transpose="H")
-    code = ("import sys, numpy as np, espalier; s = esp.load_factor(sys.argv[1], threads=3); "
+    code = ("import sys, numpy as np, espalier as esp; s = esp.load_factor(sys.argv[1], threads=3); "
             "np.save(sys.argv[2], s.solve(np.ones(300), transpose='H')); print(s.restored)")
     done = subprocess.run([sys.executable, "-c", code, str(tmp_path / "f"), str(tmp_path / "x.npy")], capture_output=True, text=True)
     assert done.stdout == "True\n", done.stderr
