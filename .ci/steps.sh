@@ -175,7 +175,7 @@ test_instructions() {
   local set=baseline commit
   local long='ContactGears|StaticsSweep|BeamReference|Allocation|TheLowestFrequencyIsSingular|CapstanEquation|StaticsTurns'
   long+='|RollsUpToAFullCircle|IftommA02|HundredsOfModes|HostMemory|StaticsBranches|Interrupted|MachinePrediction'
-  long+='|WhereverTheGpuFails|HeldSteps|RopeSlides|DocsExamples|IntegratorsGiveTheSameBits|Interrupt\.|ContactHertz'
+  long+='|WhereverTheGpuFails|HeldSteps|RopeSlides|DocsExamples|IntegratorsGiveTheSameBits|Interrupt\.|ContactHertz|ScratchFolder|PartialOnDisk|Erosion\.'
   commit=$(git rev-parse --short=1 HEAD 2>/dev/null | tail -c 2)
   ! grep -q avx512f /proc/cpuinfo || ((16#${commit:-0} % 2)) || set=avx2
   echo "ESPALIER_INSTRUCTIONS=$set"
@@ -258,7 +258,7 @@ slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.Nothing
 slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactLineFriction.*:ContactShells.*:*shell_on_hex8*"
 slow_dynamics+=":Refinement.Elements*:Objectivity.OfAnEquilibrium:Objectivity.OfAMotionWith*:TurnedFactor.ServesMost*:Vectors.IntegratorsGive*:ContactHertz.*"
 slow_dynamics+=":StateForces.TangentsAgree*:Device*.TheHostGoesOnWherever*:HeldSteps.OfASteelBeam*:Vibrations.DampingIsTaken*"
-slow_dynamics+=":DocsExamples.TheFirstOneIsConverged:Switches.ThinWallsAreNotPassed"
+slow_dynamics+=":DocsExamples.TheFirstOneIsConverged:Switches.ThinWallsAreNotPassed:Erosion.BitsDoNot*:Erosion.ReleasedEnds*:Erosion.Restarted*"
 
 # Tests of the solver that take long, or fork, which the thread sanitizer does not follow.
 slow_solver="Allocation.*:MachinePrediction.*:CraftedAnalysis.*:HostMemory.*"
@@ -279,6 +279,8 @@ slow_copies+=":Systems/OutOfCoreSystems.FactorsThatStay*/0:Systems/OutOfCoreSyst
 
 # Tests of the solver that sanitizers take more than 40 s for, of code that quicker ones pass through as well.
 slow_answers="HarmonicEdges.TheLowestFrequencyIsSingular:Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*:ExactRank.OfSystems*:ManyZeros.*"
+# ... and those that write factors to a disk, in many budgets.
+slow_answers+=":ScratchFolder.AnyBudget*:ScratchFolder.TheBudget*:PartialOnDisk.HasTheBits*:PartialOnDisk.OfComplex*:KeptNumbers.HaveTheBits*"
 
 # Tests whose truth are flops, verdicts and determinants of many matrices, by threads that other tests run as well.
 slow_numbers="BuildTree.*NoMoreWork*:Deficiency.*:Determinant.*"
