@@ -21,7 +21,7 @@
 
 #include "espalier/solver.hpp"
 #include "in_turns.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace {
 

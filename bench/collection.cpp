@@ -17,7 +17,7 @@
 #include "espalier/espalier.hpp"
 #include "matrix/read.hpp"
 #include "matrix/residual.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace {
 

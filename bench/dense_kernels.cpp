@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "base/memory.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 #include "gemm.hpp"
 
 namespace {

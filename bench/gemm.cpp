@@ -2,14 +2,14 @@
 /// General matrix product on column-major arrays, on one thread.
 #include "gemm.hpp"
 
-#include "device/host/kernel_parts.hpp"
+#include "device/host/kernels/kernel_parts.hpp"
 
 #undef HWY_TARGET_INCLUDE
 #define HWY_TARGET_INCLUDE "gemm.cpp"
 #include "hwy/foreach_target.h"  // must precede highway.h
 // clang-format off: the order matters
-#include "device/host/micro_kernel-inl.hpp"
-#include "device/host/transpose-inl.hpp"
+#include "device/host/kernels/micro_kernel-inl.hpp"
+#include "device/host/kernels/transpose-inl.hpp"
 // clang-format on
 #include "device/host/scratch.hpp"
 #include "hwy/cache_control.h"

@@ -1,4 +1,4 @@
-"""Rounding errors of the real form of a complex matrix (src/solver/real_form.hpp), eliminated tile by tile in numpy: all
+"""Rounding errors of the real form of a complex matrix (src/solver/analysis/real_form.hpp), eliminated tile by tile in numpy: all
 columns of what is left computed, or one column of each pair, from which the other is made
 (src/device/cuda/kernels/half_products.cuh). No pivoting. Prints max |A - L D L^T| / max |A| for both.
 

@@ -19,7 +19,7 @@
 
 #include "espalier/inverse.hpp"
 #include "in_turns.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace {
 

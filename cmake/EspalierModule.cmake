@@ -28,7 +28,7 @@ function(espalier_flags target)
   endif()
   # What guides the fuzzers, in the readers and in what checks input. Elsewhere it would only cost: a compile of kernels
   # takes 1.4 times as long with it.
-  if(ESPALIER_FUZZERS AND target MATCHES "^(fuzz_.*|espalier_(base|matrix|analysis|solver|fmi))$")
+  if(ESPALIER_FUZZERS AND target MATCHES "^(fuzz_.*|espalier_(base|matrix|analysis|solver|c|fmi))$")
     target_compile_options(${target} PRIVATE -fsanitize=fuzzer-no-link)
   endif()
 endfunction()

@@ -141,7 +141,7 @@ def write(document):
             "`scripts/draw_step_errors.py --program build/release/bench/espalier_bench_step_errors --exudyn PYTHON` measures. Errors",
             "at the end of the motion, each the largest difference from the truth over the largest number of its kind: of the",
             "coordinates q, velocities v, accelerations a and multipliers. The truth comes from another integrator",
-            "(`tests/dynamics/step_cases.hpp`). All options are the defaults: spectral radius 0.8, HHT with alpha -0.1, BDF with",
+            "(`tests/dynamics/integrators/step_cases.hpp`). All options are the defaults: spectral radius 0.8, HHT with alpha -0.1, BDF with",
             "constant step and order, from exact starting points. How the methods end Newton's iteration:",
             "[simulate.md](../guide/simulate.md#constant-steps). Measured on 2026-11-22 on two cores that did other work as well: times",
             "are rough. Accelerations and multipliers of generalized-alpha and HHT meet rounding, which grows with 1 / h^2, at",

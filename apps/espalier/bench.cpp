@@ -12,8 +12,8 @@
 #include "command.hpp"
 #include "experiments/experiments.hpp"
 #include "measure/machine.hpp"
-#include "solver/build_info.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

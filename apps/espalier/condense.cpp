@@ -13,7 +13,7 @@
 #include "matrix/file.hpp"
 #include "progress.hpp"
 #include "report.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
 #include "terminal.hpp"

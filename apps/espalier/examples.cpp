@@ -11,7 +11,7 @@
 #include "base/output_file.hpp"
 #include "checked_options.hpp"
 #include "command.hpp"
-#include "dynamics/model/value.hpp"
+#include "dynamics/model/read/value.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

@@ -18,7 +18,7 @@
 #include "pencil_command.hpp"
 #include "pencil_pages.hpp"
 #include "progress.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
 #include "terminal.hpp"

@@ -14,10 +14,10 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "command.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 #include "device/registry.hpp"
 #include "plan/machine_model.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

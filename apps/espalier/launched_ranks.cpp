@@ -14,7 +14,7 @@
 
 #include "checked_options.hpp"
 #include "ranks/link.hpp"
-#include "solver/on_all_ranks.hpp"
+#include "solver/ranks/on_all_ranks.hpp"
 
 namespace espalier::cli {
 

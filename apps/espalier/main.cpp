@@ -16,7 +16,7 @@
 
 #include "command.hpp"
 #include "progress_lines.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

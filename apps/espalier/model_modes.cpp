@@ -10,7 +10,7 @@
 #include "command.hpp"
 #include "pencil_pages.hpp"
 #include "report.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

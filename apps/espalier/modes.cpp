@@ -26,7 +26,7 @@
 #include "pencil_pages.hpp"
 #include "progress.hpp"
 #include "quadratic_modes.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "solver_flags.hpp"
 #include "stop_signals.hpp"
 #include "terminal.hpp"

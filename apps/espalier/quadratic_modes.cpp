@@ -7,7 +7,7 @@
 #include <numbers>
 
 #include "report.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

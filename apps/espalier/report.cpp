@@ -6,8 +6,8 @@
 
 #include "base/output_file.hpp"
 #include "command.hpp"
-#include "solver/build_info.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
+#include "solver/session/build_info.hpp"
 
 namespace espalier::cli {
 

@@ -7,8 +7,8 @@
 #include <nlohmann/json.hpp>
 
 #include "base/memory.hpp"
-#include "solver/build_info.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
+#include "solver/session/build_info.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

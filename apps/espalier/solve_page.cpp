@@ -6,8 +6,8 @@
 #include <fstream>
 #include <map>
 
-#include "solver/option_text.hpp"
-#include "solver/solver_impl.hpp"
+#include "solver/options/option_text.hpp"
+#include "solver/session/solver_impl.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::cli {
 

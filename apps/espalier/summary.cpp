@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "base/memory.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 #include "terminal.hpp"
 
 namespace espalier::cli {

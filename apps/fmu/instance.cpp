@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "dynamics/mesh/file_source.hpp"
-#include "dynamics/model/expand.hpp"
+#include "dynamics/model/read/expand.hpp"
 
 namespace espalier::fmu {
 

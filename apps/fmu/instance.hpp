@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "dynamics/model/fmu/instant.hpp"
-#include "dynamics/model/runner.hpp"
+#include "dynamics/model/run/runner.hpp"
 #include "fmi/contents.hpp"
 #include "fmi/types.hpp"
 

@@ -1,6 +1,6 @@
 // The chain of rigid bars that Exudyn is measured with (exudyn_chain.py): N bars, N revolute joints, generalized-alpha
 // with constant step. Prints the wall time, how it splits, and writes the end positions for the comparison.
-#include "dynamics/chain.hpp"
+#include "dynamics/reference/chain.hpp"
 
 #include <fmt/format.h>
 

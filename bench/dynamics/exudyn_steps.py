@@ -3,7 +3,7 @@
 
     exudyn_steps.py build/release/bench/espalier_bench_step_errors --json exudyn.json
 
-Three mechanisms of tests/dynamics/step_cases.hpp: spatial slider crank, heavy top, flexible pendulum. Both programs run in
+Three mechanisms of tests/dynamics/integrators/step_cases.hpp: spatial slider crank, heavy top, flexible pendulum. Both programs run in
 turn in their own processes with spectral radius 0.8 and index 3; the least of `--repeats` times counts. An error is the
 largest difference of a number from the truth over the largest number of its kind, for positions, velocities and
 accelerations of all bodies (nodes) at the end. The truth is espalier_bench_step_errors' own, by another integrator; for the

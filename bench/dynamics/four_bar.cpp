@@ -1,6 +1,6 @@
 // The N-four-bar mechanism through its singular positions: time per step against N, and the error against the exact
 // motion.
-#include "dynamics/four_bar.hpp"
+#include "dynamics/reference/four_bar.hpp"
 
 #include <fmt/format.h>
 

@@ -1,6 +1,6 @@
 // Error against step for generalized-alpha, HHT and BDF of every order on six mechanisms
-// (tests/dynamics/step_cases.hpp), at the end of the motion. Prints one line for each run and writes all as JSON for
-// scripts/draw_step_errors.py.
+// (tests/dynamics/integrators/step_cases.hpp), at the end of the motion. Prints one line for each run and writes all as
+// JSON for scripts/draw_step_errors.py.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -11,7 +11,7 @@
 
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
-#include "dynamics/step_cases.hpp"
+#include "dynamics/integrators/step_cases.hpp"
 
 namespace {
 

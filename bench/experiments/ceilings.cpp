@@ -10,7 +10,7 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 
 namespace espalier::bench {
 namespace {

@@ -11,7 +11,7 @@
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "device/executor.hpp"
 #include "espalier/matrix.hpp"
-#include "solver/prepared_matrix.hpp"
+#include "solver/analysis/prepared_matrix.hpp"
 
 namespace espalier::bench {
 

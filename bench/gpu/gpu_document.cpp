@@ -2,7 +2,7 @@
 
 #include <CLI/CLI.hpp>
 
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 
 namespace espalier::bench {
 

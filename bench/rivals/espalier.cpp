@@ -10,7 +10,7 @@
 #include "rivals/cuda_runtime.hpp"
 #include "rivals/rival.hpp"
 #include "rivals/variant.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::bench {
 namespace {

@@ -4,7 +4,7 @@
     python3 docs/site/model_keys.py            writes the page to stdout
     python3 docs/site/model_keys.py --check    says what the sources read and the guide does not know; exit code 1
 
-Every key is read by a call such as s.positive("young") in src/dynamics/model/read_*.cpp: type and default stand there, the
+Every key is read by a call such as s.positive("young") in the read_*.cpp below src/dynamics/model: type and default stand there, the
 default often as a field of a struct. This module finds those calls. A literal in these files that it cannot place is an
 error, so that a new way of reading cannot go unnoticed. The meaning is that of the tables of docs/guide/simulate.md,
 forces.md, contact.md and fmi.md; a key of the sources without a word there is an error too.
@@ -430,7 +430,7 @@ def row_texts(lines):
 
 def page(sections):
     out = ["# Keys of a model", "",
-           "Made from `src/dynamics/model/read_*.cpp` when this site is built: the key, what is read there, and its default; the",
+           "Made from the `read_*.cpp` below `src/dynamics/model` when this site is built: the key, what is read there, and its default; the",
            "words are those of the [guide](../guide/simulate.md). *needed* means that a model without the key is an error.", ""]
     for title, file, lines in sections:
         if not lines:

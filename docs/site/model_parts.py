@@ -15,7 +15,7 @@ import model_keys
 from model_parts_text import METHODS, PATHS, TABLES
 
 ROOT = model_keys.ROOT
-MADE = "Made by docs/site/model_parts.py --write from the calls in src/dynamics/model/read_*.cpp; do not edit."
+MADE = "Made by docs/site/model_parts.py --write from the calls in the read_*.cpp below src/dynamics/model; do not edit."
 _FLEXIBLE = "read read_motion "
 _FRAMES = "read_frames read_axes"
 _SPRING = ("read_spring", "")

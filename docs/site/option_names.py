@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The solver's options by name, from src/solver/option_text.cpp, with the words and defaults of include/espalier/solver.hpp.
+"""The solver's options by name, from src/solver/options/option_text.cpp, with the words and defaults of include/espalier/solver.hpp.
 
     python3 docs/site/option_names.py            writes the page to stdout
     python3 docs/site/option_names.py --names    the names, one a line
@@ -15,7 +15,7 @@ WORDS = {"Kind::automatic": "auto", "Precision::fp64": "fp64", "SingularMatrix::
 
 
 def names():
-    text = (ROOT / "src/solver/option_text.cpp").read_text()
+    text = (ROOT / "src/solver/options/option_text.cpp").read_text()
     table = text[text.index("kOptions{{"):]
     found = re.findall(r'^    \{"(\w+)",', table[:table.index("\n}};")], re.M)
     count = int(re.search(r"std::array<OptionText, (\d+)>", text)[1])
@@ -26,7 +26,7 @@ def names():
 
 def values():
     """Name of an option -> what it takes, as its messages say it."""
-    text = (ROOT / "src/solver/option_text.cpp").read_text()
+    text = (ROOT / "src/solver/options/option_text.cpp").read_text()
     lists = {m[1]: re.findall(r'\{"(\w+)"', m[2]) for m in re.finditer(r"> (k\w+)\{\s*\{(.*?)\}\};", text, re.S)}
     found = {}
     for entry in re.split(r'\n    (?=\{")', text[text.index("kOptions{{"):text.index("\n}};")])[1:]:
@@ -87,7 +87,7 @@ def page():
            "One set of names for all: the command line (`--device-memory 2GiB`), the `[solver]` section of a model, keywords in",
            "Python (`esp.Solver(A, device=\"cpu\")`), `espalier_set_option` in C, and the environment for programs that know",
            "nothing of us: `ESPALIER_OPTIONS=\"device=gpu:0;threads=8\"`. In C++ they are fields of `espalier::Options`.",
-           "This page is made from [option_text.cpp](../../src/solver/option_text.cpp) and",
+           "This page is made from [option_text.cpp](../../src/solver/options/option_text.cpp) and",
            "[solver.hpp](../../include/espalier/solver.hpp) when the site is built.", "",
            "| name | default | values | meaning |", "|---|---|---|---|"]
     for name in names():

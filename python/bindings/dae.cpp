@@ -19,7 +19,7 @@
 
 #include "arrays.hpp"
 #include "bindings.hpp"
-#include "dynamics/model/newton_solver.hpp"
+#include "dynamics/model/run/newton_solver.hpp"
 #include "host.hpp"
 #include "turns.hpp"
 

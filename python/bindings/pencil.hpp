@@ -8,8 +8,8 @@
 
 #include "espalier/matrix.hpp"
 #include "host.hpp"
-#include "solver/environment.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/environment.hpp"
+#include "solver/options/option_text.hpp"
 #include "solver_handle.hpp"
 
 namespace espalier::python {

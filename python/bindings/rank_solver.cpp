@@ -14,8 +14,8 @@
 #include "espalier/nodes.hpp"
 #include "espalier/ranks.h"
 #include "fields.hpp"
-#include "solver/environment.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/environment.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::python {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <utility>
 
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::python {
 

@@ -13,9 +13,9 @@
 #include "bindings.hpp"
 #include "device/registry.hpp"
 #include "fields.hpp"
-#include "solver/build_info.hpp"
-#include "solver/option_text.hpp"
-#include "solver/transposed_text.hpp"
+#include "solver/options/option_text.hpp"
+#include "solver/session/build_info.hpp"
+#include "solver/session/transposed_text.hpp"
 #include "solver_handle.hpp"
 
 namespace espalier::python {

@@ -7,8 +7,8 @@
 #include <type_traits>
 #include <utility>
 
-#include "solver/environment.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/environment.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::python {
 

@@ -12,8 +12,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "c/handle.hpp"
 #include "host.hpp"
-#include "solver/c_handle.hpp"
 
 namespace espalier::python {
 

@@ -1,4 +1,4 @@
-"""Made by docs/site/model_parts.py --write from the calls in src/dynamics/model/read_*.cpp; do not edit."""
+"""Made by docs/site/model_parts.py --write from the calls in the read_*.cpp below src/dynamics/model; do not edit."""
 
 from os import PathLike
 from typing import Any, Iterator, Literal, Mapping, Protocol, SupportsIndex, TypedDict, TypeVar, overload

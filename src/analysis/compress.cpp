@@ -4,7 +4,7 @@
 #include <numeric>
 #include <utility>
 
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 #include "base/mix.hpp"
 
 namespace espalier::analysis {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 
 namespace espalier::analysis {
 

@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <numeric>
 
-#include "analysis/dissection.hpp"
 #include "analysis/elimination_tree.hpp"
 #include "analysis/fronts.hpp"
+#include "analysis/ordering/dissection.hpp"
 #include "analysis/symbolic.hpp"
 #include "base/at.hpp"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 

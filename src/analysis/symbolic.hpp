@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "analysis/graph.hpp"
 #include "analysis/ordering.hpp"
+#include "analysis/ordering/graph.hpp"
 
 namespace espalier::analysis {
 

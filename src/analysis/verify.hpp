@@ -5,7 +5,7 @@
 #include <string>
 
 #include "analysis/assembly_tree.hpp"
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 
 namespace espalier::analysis {
 

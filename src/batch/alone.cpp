@@ -9,8 +9,8 @@
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "batch/workers.hpp"
-#include "solver/solution.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/status_of.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier::batch {
 

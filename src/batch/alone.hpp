@@ -7,7 +7,7 @@
 
 #include "batch/chunk.hpp"
 #include "espalier/batch.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::batch {
 

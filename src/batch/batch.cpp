@@ -13,9 +13,9 @@
 #include "batch/alone.hpp"
 #include "batch/chunks.hpp"
 #include "batch/workers.hpp"
-#include "solver/session.hpp"
-#include "solver/solution.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/session.hpp"
+#include "solver/session/status_of.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier {
 

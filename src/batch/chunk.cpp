@@ -15,8 +15,8 @@
 #include "batch/easy_values.hpp"
 #include "batch/least_negative.hpp"
 #include "batch/repeated_analysis.hpp"
-#include "solver/factor.hpp"
-#include "solver/pivot_policy.hpp"
+#include "solver/factor/factor.hpp"
+#include "solver/factor/pivot_policy.hpp"
 
 namespace espalier::batch {
 

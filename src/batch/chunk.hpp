@@ -9,9 +9,9 @@
 
 #include "espalier/batch.hpp"
 #include "solve/refinement_steps.hpp"
-#include "solver/analysis.hpp"
-#include "solver/context.hpp"
-#include "solver/numeric.hpp"
+#include "solver/analysis/analysis.hpp"
+#include "solver/factor/numeric.hpp"
+#include "solver/session/context.hpp"
 
 namespace espalier::batch {
 

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "batch/chunk.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::batch {
 

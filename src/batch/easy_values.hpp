@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "solver/prepared_matrix.hpp"
+#include "solver/analysis/prepared_matrix.hpp"
 
 namespace espalier::batch {
 

@@ -8,7 +8,7 @@
 
 #include "base/at.hpp"
 #include "matrix/validate.hpp"
-#include "solver/analysis_file.hpp"
+#include "solver/analysis/analysis_file.hpp"
 
 namespace espalier::batch {
 

@@ -16,8 +16,8 @@
 #include "batch/joined_system.hpp"
 #include "batch/workers.hpp"
 #include "matrix/validate.hpp"
-#include "solver/device_text.hpp"
-#include "solver/status_of.hpp"
+#include "solver/options/device_text.hpp"
+#include "solver/session/status_of.hpp"
 
 namespace espalier::batch {
 

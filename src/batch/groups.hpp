@@ -10,8 +10,8 @@
 
 #include "batch/chunk.hpp"
 #include "espalier/batch.hpp"
-#include "solver/analysis_draft.hpp"
-#include "solver/session.hpp"
+#include "solver/analysis/analysis_draft.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::batch {
 

@@ -4,8 +4,8 @@
 
 #include <span>
 
-#include "solver/analysis_draft.hpp"
-#include "solver/context.hpp"
+#include "solver/analysis/analysis_draft.hpp"
+#include "solver/session/context.hpp"
 
 namespace espalier::batch {
 

@@ -5,7 +5,7 @@
 
 #include "base/at.hpp"
 #include "solve/residual.hpp"
-#include "solver/analysis_draft.hpp"
+#include "solver/analysis/analysis_draft.hpp"
 
 namespace espalier::batch {
 

@@ -2,8 +2,8 @@
 /// The analysis of one system, repeated along the diagonal of a larger one.
 #pragma once
 
-#include "solver/analysis.hpp"
-#include "solver/context.hpp"
+#include "solver/analysis/analysis.hpp"
+#include "solver/session/context.hpp"
 
 namespace espalier::batch {
 

@@ -10,7 +10,7 @@
 #include "base/stopwatch.hpp"
 #include "batch/alone.hpp"
 #include "batch/groups.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier {
 

@@ -9,7 +9,7 @@
 
 #include "device/device_linear_system.hpp"
 #include "matrix/row_index.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::changes {
 

@@ -14,8 +14,8 @@
 #include "base/stopwatch.hpp"
 #include "changes/given_columns.hpp"
 #include "changes/system.hpp"
-#include "solver/solver_impl.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/solver_impl.hpp"
+#include "solver/session/status_of.hpp"
 
 namespace espalier {
 

@@ -10,7 +10,7 @@
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "changes/folding.hpp"
-#include "solver/solver_impl.hpp"
+#include "solver/session/solver_impl.hpp"
 
 namespace espalier::changes {
 

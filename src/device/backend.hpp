@@ -94,8 +94,8 @@ struct Job {
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
   /// Ranks that share the plan (PlanOptions::ranks); null: this process alone. All of them make the executor.
   ranks::Link* link = nullptr;
-  /// Of a real form of a complex system (solver/real_form.hpp): 1, of a Hermitian one -1; else 0. For backends that can
-  /// make one column of a number's two from the other.
+  /// Of a real form of a complex system (solver/analysis/real_form.hpp): 1, of a Hermitian one -1; else 0. For backends
+  /// that can make one column of a number's two from the other.
   int pair_sign = 0;
 };
 

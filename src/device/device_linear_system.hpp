@@ -32,7 +32,7 @@ struct LinearSystemArrays {
   std::span<const Offset> diagonal;              ///< n, by position: where the diagonal entry stands; empty: not wanted
   double rounding = 0;  ///< a pivot of at most so many times its diagonal entry counts as zero (llt)
   /// Not empty: the matrix and the vectors are complex, two doubles a number; `order`, `diagonal` and the factor are
-  /// those of the real form (solver/real_form.hpp), the columns of whose pattern begin here (2n + 1).
+  /// those of the real form (solver/analysis/real_form.hpp), the columns of whose pattern begin here (2n + 1).
   std::span<const Offset> real_columns;
   bool hermitian = false;          ///< of a complex matrix: see the blocks of its real form
   std::span<const double> values;  ///< of the host, in the pattern's order: where send_values() finds them

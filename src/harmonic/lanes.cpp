@@ -11,8 +11,8 @@
 #include "base/stage.hpp"
 #include "base/stopwatch.hpp"
 #include "matrix/file.hpp"
-#include "solver/solution.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/status_of.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier::harmonic {
 namespace {

@@ -9,7 +9,7 @@
 #include "espalier/harmonic.hpp"
 #include "harmonic/dynamic_stiffness.hpp"
 #include "modes/workshop.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::harmonic {
 

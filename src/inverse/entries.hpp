@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "espalier/inverse.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::inverse {
 

@@ -11,8 +11,8 @@
 #include "base/stopwatch.hpp"
 #include "inverse/entries.hpp"
 #include "matrix/validate.hpp"
-#include "solver/solver_impl.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/solver_impl.hpp"
+#include "solver/session/status_of.hpp"
 
 namespace espalier {
 

@@ -7,8 +7,8 @@
 
 #include "base/stage.hpp"
 #include "matrix/file.hpp"
-#include "solver/session.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/session.hpp"
+#include "solver/session/status_of.hpp"
 
 namespace espalier::modes {
 

@@ -14,7 +14,7 @@ namespace espalier::plan {
 ///
 /// Two arrays belong to a front:
 ///  - the *factor*: block columns j < pivot_tiles one after another, each a sequence of tiles i = j .. tiles-1 with
-///    `width(j)` columns and padded rows (see device/host/kernels.hpp, panels);
+///    `width(j)` columns and padded rows (see device/host/kernels/kernels.hpp, panels);
 ///  - the *contribution*: block columns j >= pivot_tiles, each a sequence of column-major tiles i = j .. tiles-1 whose
 ///    leading dimension is the padded number of rows and whose columns are padded likewise, so that the dense kernels
 ///    work in place; only entries with row >= column are meaningful. Tiles below are counted from 0 here.

@@ -14,7 +14,7 @@
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
 #include "matrix/validate.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/status_of.hpp"
 
 namespace espalier::schur {
 

@@ -10,7 +10,7 @@
 #include "schur/dense.hpp"
 #include "schur/parts.hpp"
 #include "solve/residual.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::schur {
 

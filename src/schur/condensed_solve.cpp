@@ -9,8 +9,8 @@
 #include "base/stopwatch.hpp"
 #include "schur/condensation.hpp"
 #include "solve/refinement.hpp"
-#include "solver/solution.hpp"
-#include "solver/status_of.hpp"
+#include "solver/session/status_of.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier::schur {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "espalier/matrix.hpp"
-#include "solver/border.hpp"
+#include "solver/analysis/border.hpp"
 
 namespace espalier::schur {
 

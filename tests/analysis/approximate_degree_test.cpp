@@ -1,5 +1,5 @@
 // Approximate minimum degree. The truth is a dense elimination in the order that it gives, and exact minimum degree.
-#include "analysis/approximate_degree.hpp"
+#include "analysis/ordering/approximate_degree.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <random>
 #include <vector>
 
-#include "analysis/dissection.hpp"
 #include "analysis/ordering.hpp"
+#include "analysis/ordering/dissection.hpp"
 #include "analysis/symbolic.hpp"
 #include "graphs.hpp"
 

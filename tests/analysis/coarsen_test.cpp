@@ -1,4 +1,4 @@
-#include "analysis/coarsen.hpp"
+#include "analysis/ordering/coarsen.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 #include <numeric>
 #include <random>
 
-#include "analysis/pair_matching.hpp"
-#include "analysis/subgraphs.hpp"
+#include "analysis/ordering/pair_matching.hpp"
+#include "analysis/ordering/subgraphs.hpp"
 #include "base/at.hpp"
 #include "graphs.hpp"
 

@@ -1,4 +1,4 @@
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 
 #include <gtest/gtest.h>
 

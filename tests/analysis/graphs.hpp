@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "analysis/graph.hpp"
+#include "analysis/ordering/graph.hpp"
 
 namespace espalier::analysis::testing {
 

@@ -6,7 +6,7 @@
 #include <functional>
 
 #include "batch/batch_common.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 
 namespace espalier::test {
 

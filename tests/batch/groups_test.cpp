@@ -10,7 +10,7 @@
 #include "batch/easy_values.hpp"
 #include "batch/equal_patterns.hpp"
 #include "ranks/emulated_gpu.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 
 namespace espalier::test {
 

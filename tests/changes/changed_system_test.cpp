@@ -8,7 +8,7 @@
 #include <random>
 
 #include "changes/dense_changes.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 
 namespace espalier::test {
 

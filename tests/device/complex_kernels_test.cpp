@@ -6,7 +6,7 @@
 #include <random>
 
 #include "device/dense_reference.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 
 namespace espalier::device::host {
 namespace complex_kernels_test {

@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 
 namespace espalier::device::host::testing {
 

@@ -19,7 +19,7 @@
 
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "device/cuda/tables/copy_thread.hpp"
 #include "device/cuda/tables/tile_exchange.hpp"
 #include "matrix/generators/generate.hpp"

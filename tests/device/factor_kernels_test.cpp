@@ -7,7 +7,7 @@
 #include <string>
 
 #include "device/dense_reference.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 
 namespace espalier::device::host {
 namespace factor_kernels_test {

@@ -1,7 +1,7 @@
 // Products, layout and substitution of the host kernels against their definitions in extended precision, for every
 // instruction set that this processor runs. Bounds: the error of a sum of k products is at most (k + 2) eps times the
 // sum of magnitudes (Higham, Accuracy and Stability, 3.1).
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 
 #include <algorithm>
 

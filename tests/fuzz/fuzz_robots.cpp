@@ -4,8 +4,8 @@
 #include <cstdlib>
 #include <string>
 
+#include "dynamics/model/read/value.hpp"
 #include "dynamics/model/robots/robots.hpp"
-#include "dynamics/model/value.hpp"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   using namespace espalier;

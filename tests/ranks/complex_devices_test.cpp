@@ -15,9 +15,9 @@
 #include "espalier/complex_solver.hpp"
 #include "on_threads.hpp"
 #include "reference/reference.hpp"
-#include "solver/part_calls.hpp"
-#include "solver/session_calls.hpp"
-#include "solver/solution.hpp"
+#include "solver/ranks/part_calls.hpp"
+#include "solver/session/session_calls.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier::ranks {
 namespace complex_devices_test {

@@ -14,8 +14,8 @@
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
 #include "reference/reference.hpp"
-#include "solver/session_calls.hpp"
-#include "solver/solution.hpp"
+#include "solver/session/session_calls.hpp"
+#include "solver/solution/solution.hpp"
 
 namespace espalier::ranks {
 namespace out_of_core_ranks_test {

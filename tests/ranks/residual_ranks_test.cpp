@@ -11,7 +11,7 @@
 #include "reference/reference.hpp"
 #include "solve/rank_residual.hpp"
 #include "solve/refinement.hpp"
-#include "solver/on_all_ranks.hpp"
+#include "solver/ranks/on_all_ranks.hpp"
 
 namespace espalier::ranks {
 namespace residual_ranks_test {

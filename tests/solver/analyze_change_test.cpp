@@ -8,9 +8,9 @@
 #include "plan/kept_entries.hpp"
 #include "plan/plan.hpp"
 #include "solve/residual.hpp"
-#include "solver/pattern_difference.hpp"
-#include "solver/prepared_matrix.hpp"
-#include "solver_common.hpp"
+#include "solver/analysis/pattern_difference.hpp"
+#include "solver/analysis/prepared_matrix.hpp"
+#include "solver/solver_common.hpp"
 #include "verdict/changes.hpp"
 
 namespace espalier::test {

@@ -8,7 +8,7 @@
 
 #include "espalier/espalier.h"
 #include "solver/fake_backend.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

@@ -8,10 +8,10 @@
 #include <nlohmann/json.hpp>
 
 #include "espalier/espalier.hpp"
-#include "gpu_fixture.hpp"
 #include "matrix/read.hpp"
 #include "places.hpp"
 #include "reference/reference.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 
 namespace espalier {
 namespace collection_test {

@@ -15,7 +15,7 @@
 
 #include "espalier/complex_solver.hpp"
 #include "solver/as_real_form.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 #include "solver/rounding.hpp"
 
 namespace espalier::test {

@@ -10,7 +10,7 @@
 #include "espalier/espalier.h"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>

@@ -1,6 +1,6 @@
 // Which devices a text asks for, and how many GPUs the model takes. Truth: the grammar of Options::device, and limits
 // of the model: nothing to share, or nothing but work to share.
-#include "solver/device_choice.hpp"
+#include "solver/options/device_choice.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,8 +8,8 @@
 
 #include "analysis/ordering.hpp"
 #include "matrix/generators/generate.hpp"
-#include "solver/device_text.hpp"
 #include "solver/fake_backend.hpp"
+#include "solver/options/device_text.hpp"
 
 namespace espalier::solver {
 namespace device_choice_test {

@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "solver/c_handle.hpp"
+#include "c/handle.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

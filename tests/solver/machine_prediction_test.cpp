@@ -14,7 +14,7 @@
 #include "matrix/generators/generate.hpp"
 #include "places.hpp"
 #include "plan/front_cost.hpp"
-#include "solver/prepared_matrix.hpp"
+#include "solver/analysis/prepared_matrix.hpp"
 
 namespace espalier::solver {
 namespace machine_prediction_test {

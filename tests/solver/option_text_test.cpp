@@ -1,5 +1,5 @@
 // Options as text. Truth: the values that the units define, and that whatever is not understood is refused by name.
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 #include <gtest/gtest.h>
 

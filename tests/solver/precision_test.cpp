@@ -10,7 +10,7 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 #include "reference/reference.hpp"
-#include "solver/precision_choice.hpp"
+#include "solver/options/precision_choice.hpp"
 
 namespace espalier {
 namespace precision_test {

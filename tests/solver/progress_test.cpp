@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "solver/c_handle.hpp"
+#include "c/handle.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

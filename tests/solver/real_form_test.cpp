@@ -1,13 +1,13 @@
 // Complex systems as real ones of twice the size. Truth: the dense block matrix, and the same solver with kernels for
 // complex numbers, over random structures, singular and badly scaled systems, precisions, devices, budgets and files.
-#include "solver/real_form.hpp"
+#include "solver/analysis/real_form.hpp"
 
 #include "analysis/ordering.hpp"
 #include "analysis/verify.hpp"
 #include "solve/residual.hpp"
 #include "solver/complex_common.hpp"
 #include "solver/fake_backend.hpp"
-#include "solver/session.hpp"
+#include "solver/session/session.hpp"
 
 namespace espalier::solver {
 namespace real_form_test {

@@ -11,7 +11,7 @@
 #include "matrix/generators/generate.hpp"
 #include "matrix/generators/random.hpp"
 #include "matrix/transform.hpp"
-#include "solver/gpu_fixture.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

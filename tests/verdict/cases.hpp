@@ -1,6 +1,6 @@
 /// \file
 /// Random matrices whose rank is known exactly: by their construction in integers, or by singular values that were put
-/// in. For the tests of the verdict (tests/solver/deficiency_test.cpp) and for the campaign
+/// in. For the tests of the verdict (tests/solver/singular/deficiency_test.cpp) and for the campaign
 /// (tests/verdict/campaign.cpp).
 #pragma once
 

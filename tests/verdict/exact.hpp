@@ -1,8 +1,8 @@
 /// \file
 /// Small systems in integers, real and complex, whose rank and inertia are known without rounding: by elimination
 /// modulo primes, by fraction-free elimination, and by their construction. Disguises (numbering, powers of two up to
-/// 1e+-150, storage, duplicates, stored zeros) change none of both. For tests/solver/exact_rank_test.cpp and the
-/// campaign (tests/verdict/exact_campaign.cpp).
+/// 1e+-150, storage, duplicates, stored zeros) change none of both. For tests/solver/singular/exact_rank_test.cpp and
+/// the campaign (tests/verdict/exact_campaign.cpp).
 #pragma once
 
 #include <complex>

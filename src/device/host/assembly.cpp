@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "device/host/scatter.hpp"
+#include "device/host/kernels/scatter.hpp"
 
 namespace espalier::device::host {
 

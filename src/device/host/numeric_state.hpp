@@ -11,7 +11,7 @@
 #include "base/memory.hpp"
 #include "device/determinant.hpp"
 #include "device/executor.hpp"
-#include "device/host/kernels.hpp"
+#include "device/host/kernels/kernels.hpp"
 #include "device/host/progress.hpp"
 #include "plan/changed_plan.hpp"
 #include "plan/plan.hpp"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "dynamics/bodies/flexible_body.hpp"
-#include "dynamics/contact/box_tree.hpp"
+#include "dynamics/contact/geometry/box_tree.hpp"
 
 namespace espalier::dynamics::contact {
 

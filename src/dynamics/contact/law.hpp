@@ -2,7 +2,7 @@
 /// The force between surfaces that touch.
 #pragma once
 
-#include "dynamics/contact/box_tree.hpp"
+#include "dynamics/contact/geometry/box_tree.hpp"
 
 namespace espalier::dynamics::contact {
 

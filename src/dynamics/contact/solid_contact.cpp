@@ -7,7 +7,7 @@
 #include <limits>
 #include <stdexcept>
 
-#include "dynamics/contact/narrow.hpp"
+#include "dynamics/contact/geometry/narrow.hpp"
 
 namespace espalier::dynamics::contact {
 namespace {

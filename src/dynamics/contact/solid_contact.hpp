@@ -7,9 +7,9 @@
 #include <set>
 
 #include "dynamics/contact/contact.hpp"
+#include "dynamics/contact/geometry/segments.hpp"
 #include "dynamics/contact/line_hold.hpp"
 #include "dynamics/contact/rigid_contact.hpp"
-#include "dynamics/contact/segments.hpp"
 
 namespace espalier::dynamics::contact {
 

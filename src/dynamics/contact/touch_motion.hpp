@@ -3,8 +3,8 @@
 #pragma once
 
 #include "dynamics/bodies/rotation.hpp"
+#include "dynamics/contact/geometry/shape.hpp"
 #include "dynamics/contact/law.hpp"
-#include "dynamics/contact/shape.hpp"
 
 namespace espalier::dynamics::contact {
 

@@ -50,19 +50,19 @@ __device__ inline const CableTables& cable_tables() { return the_cable_tables; }
 #define ESPALIER_APART __device__ __noinline__
 #undef ESPALIER_ROLLED
 #define ESPALIER_ROLLED _Pragma("unroll 1")
-#include "dynamics/elements/lane_algebra-inl.hpp"
+#include "dynamics/elements/lanes/lane_algebra-inl.hpp"
 //
-#include "dynamics/elements/hex8_block-inl.hpp"
+#include "dynamics/elements/lanes/hex8_block-inl.hpp"
 //
-#include "dynamics/elements/hex8_strain_points-inl.hpp"
+#include "dynamics/elements/lanes/hex8_strain_points-inl.hpp"
 //
-#include "dynamics/elements/hex8_strain_block-inl.hpp"
+#include "dynamics/elements/lanes/hex8_strain_block-inl.hpp"
 //
-#include "dynamics/elements/ancf_shell_block-inl.hpp"
+#include "dynamics/elements/lanes/ancf_shell_block-inl.hpp"
 //
-#include "dynamics/elements/ancf_cable_block-inl.hpp"
+#include "dynamics/elements/lanes/ancf_cable_block-inl.hpp"
 //
-#include "dynamics/elements/solid_block-inl.hpp"
+#include "dynamics/elements/lanes/solid_block-inl.hpp"
 
 constexpr int kThreads = 64;
 

@@ -4,10 +4,10 @@
 
 #include <variant>
 
-#include "dynamics/elements/ancf_cable_block.hpp"
-#include "dynamics/elements/ancf_shell_block.hpp"
-#include "dynamics/elements/hex8_block.hpp"
-#include "dynamics/elements/solid_block.hpp"
+#include "dynamics/elements/lanes/ancf_cable_block.hpp"
+#include "dynamics/elements/lanes/ancf_shell_block.hpp"
+#include "dynamics/elements/lanes/hex8_block.hpp"
+#include "dynamics/elements/lanes/solid_block.hpp"
 
 namespace espalier::dynamics {
 

@@ -11,9 +11,9 @@
 #include "base/parallel.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/device_law.hpp"
-#include "dynamics/elements/hex8_block.hpp"
+#include "dynamics/elements/lanes/hex8_block.hpp"
+#include "dynamics/elements/lanes/solid_block.hpp"
 #include "dynamics/elements/solid.hpp"
-#include "dynamics/elements/solid_block.hpp"
 #include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/mesh/names.hpp"
 

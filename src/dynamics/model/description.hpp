@@ -16,21 +16,21 @@
 #include "dynamics/bodies/point_mass.hpp"
 #include "dynamics/bodies/reduction.hpp"
 #include "dynamics/bodies/rigid_body.hpp"
+#include "dynamics/contact/geometry/shape.hpp"
+#include "dynamics/contact/geometry/sprocket.hpp"
 #include "dynamics/contact/law.hpp"
-#include "dynamics/contact/shape.hpp"
-#include "dynamics/contact/sprocket.hpp"
 #include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/joint_friction.hpp"
 #include "dynamics/forces/stop.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
-#include "dynamics/integrators/statics.hpp"
+#include "dynamics/integrators/statics/statics.hpp"
 #include "dynamics/joints/rolling.hpp"
 #include "dynamics/mesh/line_mesh.hpp"
 #include "dynamics/meshers/tyre.hpp"
-#include "dynamics/model/identity.hpp"
-#include "dynamics/model/section.hpp"
+#include "dynamics/model/read/identity.hpp"
+#include "dynamics/model/read/section.hpp"
 #include "dynamics/substructure/substructure.hpp"
 #include "espalier/harmonic.hpp"
 
@@ -586,7 +586,7 @@ struct Description {
   InitialSpec initial;
   std::optional<HarmonicSpec> harmonic;  ///< alone, without an integrator and statics, it is a run of its own
   OutputSpec output;
-  std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/option_text.hpp
+  std::vector<std::pair<std::string, std::string>> solver;  ///< options by name, see solver/options/option_text.hpp
   ModelKeys keys;                                           ///< of the text that this was read from
   [[nodiscard]] bool linear() const { return statics && statics->options.path == StaticPath::linear; }
 };

@@ -20,10 +20,10 @@
 #include "dynamics/forces/face_pressure.hpp"
 #include "dynamics/joints/joint.hpp"
 #include "dynamics/joints/support.hpp"
-#include "dynamics/model/controls.hpp"
+#include "dynamics/model/answer/linear_response.hpp"
 #include "dynamics/model/description.hpp"
-#include "dynamics/model/identity.hpp"
-#include "dynamics/model/linear_response.hpp"
+#include "dynamics/model/read/identity.hpp"
+#include "dynamics/model/run/controls.hpp"
 
 namespace espalier::dynamics {
 class ModalDamping;

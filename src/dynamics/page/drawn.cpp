@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "base/at.hpp"
-#include "dynamics/contact/outline.hpp"
-#include "dynamics/model/scene.hpp"
+#include "dynamics/contact/geometry/outline.hpp"
+#include "dynamics/model/output/scene.hpp"
 #include "dynamics/page/skin_faces.hpp"
 
 namespace espalier::dynamics::page {

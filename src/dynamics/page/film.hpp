@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "base/background.hpp"
-#include "dynamics/model/due_times.hpp"
-#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/output/quantities.hpp"
+#include "dynamics/model/run/due_times.hpp"
 #include "dynamics/page/drawn.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/marks.hpp"

@@ -2,7 +2,7 @@
 
 #include <limits>
 
-#include "dynamics/contact/outline.hpp"
+#include "dynamics/contact/geometry/outline.hpp"
 #include "dynamics/joints/space_curve.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/skin_faces.hpp"

@@ -8,7 +8,7 @@
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/parts.hpp"
 #include "dynamics/page/summary_json.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 
 namespace espalier::dynamics::page {
 namespace {

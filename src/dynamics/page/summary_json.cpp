@@ -1,7 +1,7 @@
 #include "dynamics/page/summary_json.hpp"
 
 #include "dynamics/page/json_text.hpp"
-#include "solver/option_text.hpp"
+#include "solver/options/option_text.hpp"
 
 namespace espalier::dynamics::page {
 namespace {

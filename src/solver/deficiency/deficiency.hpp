@@ -16,9 +16,9 @@
 
 #include "base/thread_pool.hpp"
 #include "solve/residual.hpp"
+#include "solver/analysis/prepared_matrix.hpp"
 #include "solver/deficiency/rank_correction.hpp"
-#include "solver/numeric.hpp"
-#include "solver/prepared_matrix.hpp"
+#include "solver/factor/numeric.hpp"
 
 namespace espalier::solver {
 

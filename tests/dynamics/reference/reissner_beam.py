@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Geometrically exact (Reissner-Simo) beams by shooting: the numbers of tests/dynamics/beam_reference_test.cpp.
+"""Geometrically exact (Reissner-Simo) beams by shooting: the numbers of tests/dynamics/bodies/beam_reference_test.cpp.
 
 reissner_beam.py            needs numpy and scipy (a virtual environment: pip install numpy scipy)
 

@@ -7,7 +7,7 @@
 #include "base/beside.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
 #include "device/cuda/executor/plan_values.hpp"
-#include "device/cuda/kernels/factor_kernel.cuh"
+#include "device/cuda/kernels/factor/factor_kernel.cuh"
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/pinned_block.hpp"
 #include "device/cuda/tables/needed_values.hpp"

@@ -9,7 +9,7 @@
 
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "device/executor.hpp"
 

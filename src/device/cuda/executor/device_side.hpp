@@ -9,10 +9,10 @@
 #include <vector>
 
 #include "device/cuda/executor/cuda_executor.hpp"
-#include "device/cuda/kernels/factor_ends.hpp"
-#include "device/cuda/kernels/factor_kernel.cuh"
-#include "device/cuda/kernels/factor_parameters.hpp"
-#include "device/cuda/kernels/solve_kernel.cuh"
+#include "device/cuda/kernels/factor/factor_ends.hpp"
+#include "device/cuda/kernels/factor/factor_kernel.cuh"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
+#include "device/cuda/kernels/solve/solve_kernel.cuh"
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/runtime/table_upload.hpp"

@@ -3,7 +3,7 @@
 
 #include "device/cuda/executor/device_side.hpp"
 #include "device/cuda/kernels/block_inverse.hpp"
-#include "device/cuda/kernels/factor_renewal.hpp"
+#include "device/cuda/kernels/factor/factor_renewal.hpp"
 #include "device/cuda/tables/made_tasks.hpp"
 
 namespace espalier::device::cuda {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "device/cuda/kernels/factor_ends.hpp"
+#include "device/cuda/kernels/factor/factor_ends.hpp"
 #include "device/executor.hpp"
 
 namespace espalier::device::cuda {

@@ -3,7 +3,7 @@
 /// tile in shared memory. Every element is summed in a fixed order: entries, then children as listed.
 #pragma once
 
-#include "device/cuda/kernels/factor_state.cuh"
+#include "device/cuda/kernels/factor/factor_state.cuh"
 
 namespace espalier::device::cuda {
 

@@ -1,6 +1,6 @@
 /// \file
-/// Kernels over a complex linear system whose real form is factorized (solver/real_form.hpp): its values scaled and
-/// written as blocks of the real form, residuals, products. Numbers are pairs of doubles.
+/// Kernels over a complex linear system whose real form is factorized (solver/analysis/real_form.hpp): its values
+/// scaled and written as blocks of the real form, residuals, products. Numbers are pairs of doubles.
 #pragma once
 
 #include "device/cuda/kernels/linear_system_kernels.cuh"

@@ -3,7 +3,7 @@
 /// its way back to memory.
 #pragma once
 
-#include "device/cuda/kernels/factor_state.cuh"
+#include "device/cuda/kernels/factor/factor_state.cuh"
 #include "espalier/types.hpp"
 
 namespace espalier::device::cuda {

@@ -1,5 +1,5 @@
 /// \file
-/// Products of the real form of a complex system (solver/real_form.hpp), half of which tell the other half.
+/// Products of the real form of a complex system (solver/analysis/real_form.hpp), half of which tell the other half.
 ///
 /// Rows 2i, 2i + 1 and columns 2k, 2k + 1 of a front stand for one complex number,
 ///   [[a, -b], [-b, -a]] (sign 1) or, of a Hermitian matrix, [[a, -b], [b, a]] (sign -1),

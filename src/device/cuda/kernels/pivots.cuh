@@ -11,7 +11,7 @@
 /// than that, M must come from the numbers that the products were made of, those of the pivot's row: see take_row().
 #pragma once
 
-#include "device/cuda/kernels/factor_state.cuh"
+#include "device/cuda/kernels/factor/factor_state.cuh"
 
 namespace espalier::device::cuda {
 

@@ -4,7 +4,7 @@
 
 #include <cuda_runtime_api.h>
 
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::device::cuda {

@@ -1,7 +1,7 @@
 // Tables of groups of block columns.
 #include <algorithm>
 
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "device/cuda/out_of_core/unit_arrays.hpp"
 
 namespace espalier::device::cuda {

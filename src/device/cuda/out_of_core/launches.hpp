@@ -4,8 +4,8 @@
 
 #include <cuda_runtime_api.h>
 
-#include "device/cuda/kernels/factor_kernel.cuh"
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_kernel.cuh"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "device/cuda/out_of_core/group_kernels.cuh"
 #include "device/cuda/out_of_core/layout.hpp"
 

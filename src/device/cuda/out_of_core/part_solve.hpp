@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
-#include "device/cuda/kernels/solve_kernel.cuh"
+#include "device/cuda/kernels/solve/solve_kernel.cuh"
 #include "device/cuda/out_of_core/part_tables.hpp"
 #include "device/cuda/out_of_core/store_solve.hpp"
 #include "device/cuda/runtime/device_memory.hpp"

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "device/cuda/tables/pivot_pair.hpp"
 
 namespace espalier::device::cuda {

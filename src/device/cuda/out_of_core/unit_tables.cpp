@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "device/cuda/kernels/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/factor_parameters.hpp"
 #include "plan/regions.hpp"
 
 namespace espalier::device::cuda {

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 
 namespace espalier::dynamics::model {
 

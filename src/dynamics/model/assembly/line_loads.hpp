@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "dynamics/forces/line_load.hpp"
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -7,7 +7,7 @@
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
-#include "dynamics/model/expand.hpp"
+#include "dynamics/model/read/expand.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "espalier/model_text.hpp"
 

@@ -8,8 +8,8 @@
 #include <limits>
 
 #include "dynamics/mesh/text_file.hpp"
-#include "dynamics/model/builders.hpp"
-#include "dynamics/model/runner.hpp"
+#include "dynamics/model/build/builders.hpp"
+#include "dynamics/model/run/runner.hpp"
 
 namespace espalier::dynamics::model {
 namespace {

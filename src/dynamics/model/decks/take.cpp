@@ -9,7 +9,7 @@
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/taken.hpp"
 #include "dynamics/model/decks/values.hpp"
-#include "dynamics/model/section.hpp"
+#include "dynamics/model/read/section.hpp"
 
 namespace espalier::dynamics::model {
 namespace {

@@ -5,7 +5,7 @@
 
 #include <string>
 
-#include "dynamics/model/value.hpp"
+#include "dynamics/model/read/value.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "dynamics/mesh/deck/deck.hpp"
-#include "dynamics/model/value.hpp"
+#include "dynamics/model/read/value.hpp"
 
 namespace espalier::dynamics::model {
 

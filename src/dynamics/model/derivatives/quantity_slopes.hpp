@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "dynamics/integrators/step_adjoint.hpp"
-#include "dynamics/model/quantities.hpp"
-#include "dynamics/model/scene.hpp"
+#include "dynamics/model/output/quantities.hpp"
+#include "dynamics/model/output/scene.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -15,12 +15,12 @@
 #include "dynamics/integrators/sensitivity.hpp"
 #include "dynamics/integrators/vibrations.hpp"
 #include "dynamics/mesh/text_file.hpp"
-#include "dynamics/model/default_tolerances.hpp"
+#include "dynamics/model/build/default_tolerances.hpp"
 #include "dynamics/model/derivatives/motion_adjoint.hpp"
 #include "dynamics/model/derivatives/run_differences.hpp"
 #include "dynamics/model/derivatives/static_adjoint.hpp"
-#include "dynamics/model/expand.hpp"
-#include "dynamics/model/runner.hpp"
+#include "dynamics/model/read/expand.hpp"
+#include "dynamics/model/run/runner.hpp"
 
 namespace espalier {
 

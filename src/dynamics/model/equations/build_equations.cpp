@@ -6,7 +6,7 @@
 
 #include "dynamics/joints/node_equations.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/frames/labels.hpp"
 
 namespace espalier::dynamics::model {

@@ -6,7 +6,7 @@
 
 #include "dynamics/joints/constant_products.hpp"
 #include "dynamics/joints/node_equations.hpp"
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/equations/tie_target.hpp"
 #include "dynamics/model/frames/labels.hpp"
 

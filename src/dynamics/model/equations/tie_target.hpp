@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "dynamics/model/builders.hpp"
+#include "dynamics/model/build/builders.hpp"
 
 namespace espalier::dynamics::model {
 

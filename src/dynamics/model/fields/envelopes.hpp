@@ -2,7 +2,7 @@
 /// Extremes of quantities over a run, with the time and the place where they are.
 #pragma once
 
-#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/output/quantities.hpp"
 #include "espalier/dynamics.hpp"
 
 namespace espalier::dynamics::model {

@@ -2,7 +2,7 @@
 /// Values along a path through a body.
 #pragma once
 
-#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/output/quantities.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -7,7 +7,7 @@
 #include <span>
 
 #include "dynamics/model/fields/measure.hpp"
-#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/output/quantities.hpp"
 
 namespace espalier::dynamics::model {
 

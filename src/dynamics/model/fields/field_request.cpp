@@ -8,9 +8,9 @@
 
 #include "base/at.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
+#include "dynamics/model/build/functions.hpp"
 #include "dynamics/model/fields/field_quantity.hpp"
 #include "dynamics/model/fields/sums.hpp"
-#include "dynamics/model/functions.hpp"
 
 namespace espalier::dynamics::model {
 namespace {

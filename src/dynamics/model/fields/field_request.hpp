@@ -3,7 +3,7 @@
 #pragma once
 
 #include "dynamics/model/fields/measure.hpp"
-#include "dynamics/model/quantities.hpp"
+#include "dynamics/model/output/quantities.hpp"
 
 namespace espalier::dynamics::model {
 

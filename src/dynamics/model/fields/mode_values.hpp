@@ -4,7 +4,7 @@
 
 #include "dynamics/dae/system.hpp"
 #include "dynamics/integrators/linearised.hpp"
-#include "dynamics/model/harmonic_observer.hpp"
+#include "dynamics/model/answer/harmonic_observer.hpp"
 #include "espalier/dynamics.hpp"
 
 namespace espalier::dynamics::model {

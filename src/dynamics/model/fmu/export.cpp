@@ -12,16 +12,16 @@
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/take.hpp"
-#include "dynamics/model/expand.hpp"
 #include "dynamics/model/fmu/instant.hpp"
 #include "dynamics/model/fmu/library.hpp"
+#include "dynamics/model/read/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
 #include "espalier/fmu.hpp"
 #include "fmi/contents.hpp"
 #include "fmi/describe.hpp"
 #include "fmi/zip.hpp"
 #include "matrix/file.hpp"
-#include "solver/build_info.hpp"
+#include "solver/session/build_info.hpp"
 
 namespace espalier {
 namespace {

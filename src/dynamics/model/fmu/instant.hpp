@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/model/runner.hpp"
+#include "dynamics/model/run/runner.hpp"
 
 namespace espalier::dynamics::model {
 

@@ -11,9 +11,9 @@
 #include "dynamics/bodies/craig_bampton.hpp"
 #include "dynamics/bodies/fixed_interfaces.hpp"
 #include "dynamics/mesh/text_file.hpp"
-#include "dynamics/model/builders.hpp"
-#include "dynamics/model/expand.hpp"
+#include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/frames/names.hpp"
+#include "dynamics/model/read/expand.hpp"
 
 namespace espalier {
 namespace dynamics::model {

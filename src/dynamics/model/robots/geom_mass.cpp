@@ -5,7 +5,7 @@
 #include <numbers>
 
 #include "dense/dense.hpp"
-#include "dynamics/contact/surface_file.hpp"
+#include "dynamics/contact/geometry/surface_file.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics::model::robots {

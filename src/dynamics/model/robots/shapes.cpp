@@ -6,7 +6,7 @@
 #include <sstream>
 #include <system_error>
 
-#include "dynamics/contact/surface_file.hpp"
+#include "dynamics/contact/geometry/surface_file.hpp"
 #include "dynamics/model/robots/files.hpp"
 #include "dynamics/model/robots/toml_writer.hpp"
 #include "espalier/types.hpp"

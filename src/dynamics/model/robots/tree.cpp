@@ -5,9 +5,9 @@
 #include <map>
 
 #include "dense/dense.hpp"
+#include "dynamics/model/read/value.hpp"
 #include "dynamics/model/robots/geom_mass.hpp"
 #include "dynamics/model/robots/spring_damper.hpp"
-#include "dynamics/model/value.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics::model::robots {

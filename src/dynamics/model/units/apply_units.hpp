@@ -2,8 +2,8 @@
 /// Values that are written with a unit become numbers in the model's own units.
 #pragma once
 
+#include "dynamics/model/read/value.hpp"
 #include "dynamics/model/units/unit_system.hpp"
-#include "dynamics/model/value.hpp"
 
 namespace espalier::dynamics::model {
 

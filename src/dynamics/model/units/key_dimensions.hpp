@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "dynamics/model/value.hpp"
+#include "dynamics/model/read/value.hpp"
 
 namespace espalier::dynamics::model {
 

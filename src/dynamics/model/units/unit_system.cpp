@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "dynamics/model/value.hpp"
+#include "dynamics/model/read/value.hpp"
 
 namespace espalier::dynamics::model {
 namespace {

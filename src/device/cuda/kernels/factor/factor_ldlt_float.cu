@@ -1,0 +1,7 @@
+#include "device/cuda/kernels/factor/factor_kernel_impl.cuh"
+
+namespace espalier::device::cuda {
+
+template struct FactorKernel<float, Kind::ldlt>;
+
+}  // namespace espalier::device::cuda

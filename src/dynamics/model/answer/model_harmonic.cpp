@@ -1,0 +1,58 @@
+// The public entry of frequency responses: failures become a status.
+#include "espalier/model_harmonic.hpp"
+
+#include <new>
+
+#include "dynamics/mesh/text_file.hpp"
+#include "dynamics/model/read/expand.hpp"
+#include "dynamics/model/run/runner.hpp"
+
+namespace espalier {
+
+ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::string& name,
+                                           const SimulationOptions& options) {
+  ModelHarmonicResult result;
+  try {
+    dynamics::model::Value root = dynamics::model::parse_toml(text, name);
+    dynamics::model::expand(root, options.set);
+    const dynamics::model::Description model = dynamics::model::read_description(root, name);
+    if (!model.harmonic)
+      throw Error(StatusCode::invalid_input, name + ": there is no section [harmonic], which says what to respond to");
+    SimulationSummary summary;
+    SimulationOptions own = options;
+    own.page = false;  // a page is a simulation's
+    dynamics::model::Runner runner(model, own, summary);
+    try {
+      if (model.statics)
+        runner.run({});
+      else
+        runner.respond();
+    } catch (const Error& error) {
+      result = runner.response();
+      result.status = error.status();
+      return result;
+    }
+    result = runner.response();
+    if (summary.interrupted && result.status.ok())
+      result.status = {StatusCode::cancelled, "the caller has stopped the search for an equilibrium", -1};
+  } catch (const Error& error) {
+    result.status = error.status();
+  } catch (const std::bad_alloc&) {
+    result.status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
+  }
+  return result;
+}
+
+ModelHarmonicResult model_harmonic(const std::string& path, const SimulationOptions& options) {
+  std::string text;
+  try {
+    text = dynamics::read_whole_file(path);
+  } catch (const Error& error) {
+    ModelHarmonicResult result;
+    result.status = error.status();
+    return result;
+  }
+  return model_harmonic_of_text(text, path, options);
+}
+
+}  // namespace espalier

@@ -1,0 +1,231 @@
+// Partial refactorization on a GPU. Truth: the bits of a solver on the same GPU that makes everything each time.
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "solver/changed_values.hpp"
+#include "solver/gpu/gpu_fixture.hpp"
+
+#if ESPALIER_WITH_CUDA
+#include <cuda_runtime_api.h>
+
+#include "device/cuda/runtime/cuda_faults.hpp"
+
+namespace espalier {
+namespace gpu_partial_test {
+
+using namespace changed_values;
+
+class GpuPartial : public test::OnGpu {
+ protected:
+  void TearDown() override { device::cuda::call_faults().arm(0); }
+};
+
+struct Variant {
+  const char* name;
+  Kind kind;
+  Precision precision = Precision::fp64;
+  Index block = 0;
+  Rescale rescale = Rescale::off;
+};
+
+constexpr Variant kVariants[] = {{"llt", Kind::llt},
+                                 {"llt in narrow tiles", Kind::llt, Precision::fp64, 32},
+                                 {"llt in FP32", Kind::llt, Precision::fp32},
+                                 {"ldlt", Kind::ldlt},
+                                 {"ldlt in FP32", Kind::ldlt, Precision::fp32},
+                                 {"ldlt rescaled", Kind::ldlt, Precision::fp64, 0, Rescale::on},
+                                 {"lu", Kind::lu},
+                                 {"lu mixed", Kind::lu, Precision::mixed},
+                                 {"lu in FP32", Kind::lu, Precision::fp32},
+                                 {"chosen", Kind::automatic}};
+
+Options on_gpu(bool partial) {
+  Options o = bare(partial);
+  o.device = "gpu:0";
+  o.threads = 2;
+  return o;
+}
+
+std::vector<SparseMatrix> matrices(Kind kind, unsigned seed) {
+  std::vector<SparseMatrix> list;
+  list.push_back(reference::random_system(900, 4, Values::positive, seed));
+  if (kind != Kind::llt) list.push_back(reference::saddle_point(300, 80, seed));
+  if (kind == Kind::lu) list.push_back(reference::random_system(700, 4, Values::general, seed));
+  list.push_back(elasticity(seed % 2 == 0 ? 7 : 11));
+  return list;
+}
+
+TEST_F(GpuPartial, HasTheBitsOfAWholeOne) {
+  for (const Variant& v : kVariants) {
+    Shares shares;
+    for (unsigned seed = 1; seed <= 2; ++seed)
+      for (const SparseMatrix& a : matrices(v.kind, seed)) {
+        SCOPED_TRACE(std::string(v.name) + ", n = " + std::to_string(a.rows) + ", seed " + std::to_string(seed));
+        Options partial = on_gpu(true), full = on_gpu(false);
+        for (Options* o : {&partial, &full}) {
+          o->kind = v.kind;
+          o->precision = v.precision;
+          o->max_block_size = v.block;
+          o->rescale = v.rescale;
+        }
+        expect_bits_of_all<Solver>(partial, full, a, seed, 20, &shares);
+        if (testing::Test::HasFailure()) return;
+      }
+    RecordProperty(v.name, shares.some);
+    EXPECT_GT(shares.some, 5) << v.name << ": hardly ever less than everything is made";
+    EXPECT_GT(shares.none, 0) << v.name;
+  }
+}
+
+TEST_F(GpuPartial, OfComplexSystemsToo) {
+  for (const auto sort : {test::Sort::symmetric, test::Sort::hermitian, test::Sort::definite, test::Sort::general}) {
+    SCOPED_TRACE("sort " + std::to_string(static_cast<int>(sort)));
+    const bool hermitian = sort == test::Sort::hermitian || sort == test::Sort::definite;
+    const Storage storage = sort == test::Sort::general ? Storage::general
+                            : hermitian                 ? Storage::hermitian_lower
+                                                        : Storage::symmetric_lower;
+    Shares shares;
+    for (unsigned seed = 1; seed <= 2; ++seed) {
+      const ComplexSparseMatrix a = test::sparse(test::random_dense(90, sort, seed), storage);
+      expect_bits_of_all<ComplexSolver>(on_gpu(true), on_gpu(false), a, seed, 16, &shares);
+    }
+    EXPECT_GT(shares.none + shares.some, 0);
+  }
+}
+
+TEST_F(GpuPartial, MakesWhatValuesReach) {
+  const SparseMatrix a = elasticity(12);
+  Solver s(on_gpu(true));
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  EXPECT_EQ(s.factorize(a).work_share, 1);
+  EXPECT_EQ(s.factorize(a).work_share, 0) << "nothing has changed";
+  std::vector<double> values = a.values;
+  values.front() *= 1.25;
+  const FactorResult one = s.refactorize(values);
+  EXPECT_GT(one.work_share, 0);
+  EXPECT_LT(one.work_share, 0.7) << "the fronts from one entry to the root";
+  const FactorResult entries = s.refactorize_entries(std::vector<Offset>{0}, std::vector<double>{a.values.front()});
+  EXPECT_EQ(entries.work_share, one.work_share);
+  for (double& v : values) v *= 3;
+  EXPECT_GT(s.refactorize(values).work_share, 0.99);
+}
+
+// Values that the device compares with those it has.
+TEST_F(GpuPartial, TakesValuesFromTheMemoryOfTheDevice) {
+  const SparseMatrix a = elasticity(9);
+  std::vector<double> now = a.values;
+  double* there = nullptr;
+  ASSERT_EQ(cudaMalloc(reinterpret_cast<void**>(&there), now.size() * sizeof(double)), cudaSuccess);
+  Solver partial(on_gpu(true)), full(on_gpu(false));
+  ASSERT_TRUE(partial.analyze(a).status.ok());
+  ASSERT_TRUE(full.analyze(a).status.ok());
+  const std::vector<double> b = reference::random_vector(a.rows, 4);
+  std::mt19937 random(3);
+  Shares shares;
+  for (int round = 0; round < 24; ++round) {
+    SCOPED_TRACE(round);
+    FactorResult p;
+    if (round % 5 == 3) {
+      p = partial.refactorize(now);  // from the host in between
+    } else {
+      ASSERT_EQ(cudaMemcpy(there, now.data(), now.size() * sizeof(double), cudaMemcpyHostToDevice), cudaSuccess);
+      p = partial.refactorize_device(there, a.nonzeros());
+    }
+    ++(p.work_share == 0 ? shares.none : p.work_share < 1 ? shares.some : shares.all);
+    const FactorResult f = full.refactorize(now);
+    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
+    if (p.status.ok()) {
+      std::vector<double> x(b.size()), y(b.size());
+      (void)partial.solve(b, x);
+      (void)full.solve(b, y);
+      ASSERT_TRUE(same_bits(x, y)) << "share " << p.work_share;
+    }
+    now[static_cast<std::size_t>(random() % now.size())] *= 1.01;
+  }
+  EXPECT_GT(shares.some, 5);
+  EXPECT_EQ(cudaFree(there), cudaSuccess);
+}
+
+// Its kernels are those of other solvers, too, whose fronts may need less of what the kernels share.
+TEST_F(GpuPartial, GoesOnAfterASolverOfSmallerFronts) {
+  const SparseMatrix a = elasticity(11), small = reference::random_system(12, 2, Values::positive, 1);
+  for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
+    Options o = on_gpu(true);
+    o.kind = kind;
+    Solver s(o), other(o);
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(s.factorize(a).status.ok());
+    ASSERT_TRUE(other.analyze(small).status.ok());
+    ASSERT_TRUE(other.factorize(small).status.ok());
+    std::vector<double> values = a.values;
+    values.front() *= 0.75;
+    const FactorResult f = s.refactorize(values);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_LT(f.work_share, 1);
+  }
+}
+
+// A device that fails in the middle leaves no factor, and the next one is whole and right.
+TEST_F(GpuPartial, AfterARefusedCallEverythingIsMade) {
+  const SparseMatrix a = elasticity(6);
+  std::vector<double> values = a.values;
+  values[5] *= 1.5;
+  Solver whole(on_gpu(false));
+  ASSERT_TRUE(whole.analyze(a).status.ok());
+  const std::vector<double> b = reference::random_vector(a.rows, 4);
+  std::vector<double> x(b.size()), y(b.size());
+  auto& faults = device::cuda::call_faults();
+  int refused = 0;
+  for (int call = 1;; ++call) {
+    SCOPED_TRACE(call);
+    ASSERT_LT(call, 400);
+    Solver s(on_gpu(true));
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(s.factorize(a).status.ok());
+    faults.arm(call);
+    const FactorResult f = s.refactorize(values);
+    const bool done = faults.refused == nullptr;
+    faults.arm(0);
+    if (done) {
+      EXPECT_TRUE(f.status.ok());
+      EXPECT_LT(f.work_share, 1);
+      break;
+    }
+    ++refused;
+    EXPECT_FALSE(f.status.ok());
+    EXPECT_NE(s.state(), Solver::State::factorized) << "the old factor is not called valid";
+    values[9] *= 1.01;
+    const FactorResult again = s.refactorize(values);
+    ASSERT_TRUE(again.status.ok()) << again.status.message;
+    EXPECT_EQ(again.work_share, 1);
+    ASSERT_TRUE(whole.refactorize(values).status.ok());
+    (void)s.solve(b, x);
+    (void)whole.solve(b, y);
+    ASSERT_TRUE(same_bits(x, y));
+  }
+  EXPECT_GT(refused, 5);
+}
+
+TEST_F(GpuPartial, WithoutMemoryToKeepFrontsEverythingIsMade) {
+  const SparseMatrix a = elasticity(14);
+  Solver probe(on_gpu(false));
+  ASSERT_TRUE(probe.analyze(a).status.ok());
+  ASSERT_TRUE(probe.factorize(a).status.ok());
+  Options o = on_gpu(true);
+  o.device_memory_bytes = probe.factorize(a).devices.front().peak_bytes * 5 / 4;
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  for (int k = 0; k < 2; ++k) {
+    const FactorResult f = s.factorize(a);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+    EXPECT_EQ(f.work_share, 1);
+    EXPECT_LE(f.devices.front().peak_bytes, o.device_memory_bytes);
+    EXPECT_EQ(f.devices.front().streamed_out_bytes, 0) << "in core as without the wish";
+  }
+}
+
+}  // namespace gpu_partial_test
+}  // namespace espalier
+
+#endif
