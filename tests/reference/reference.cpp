@@ -30,11 +30,42 @@ void visit(const MatrixView& a, Use&& use) {
     }
 }
 
-// The entries of op(A) by (row, column); duplicates are summed before anything else happens to them.
-std::map<std::pair<Index, Index>, long double> summed(const MatrixView& a, bool transpose) {
-  std::map<std::pair<Index, Index>, long double> entries;
-  visit(a, [&](Index r, Index c, double v) { entries[transpose ? std::pair(c, r) : std::pair(r, c)] += v; });
-  return entries;
+// The entries of a matrix row by row, each row by columns.
+struct Rows {
+  struct Entry {
+    Index column;
+    long double value;
+  };
+  std::vector<std::vector<Entry>> of;
+};
+
+// The rows of op(A); duplicates are summed before anything else happens to them.
+Rows summed(const MatrixView& a, bool transpose) {
+  Rows rows{std::vector<std::vector<Rows::Entry>>(static_cast<std::size_t>(transpose ? a.cols : a.rows))};
+  visit(a, [&](Index r, Index c, double v) {
+    rows.of[static_cast<std::size_t>(transpose ? c : r)].push_back({transpose ? r : c, v});
+  });
+  for (std::vector<Rows::Entry>& row : rows.of) {
+    std::stable_sort(row.begin(), row.end(), [](const auto& x, const auto& y) { return x.column < y.column; });
+    std::size_t last = 0;
+    for (std::size_t k = 1; k < row.size(); ++k)
+      if (row[k].column == row[last].column)
+        row[last].value += row[k].value;
+      else
+        row[++last] = row[k];
+    row.resize(std::min(row.size(), last + 1));
+  }
+  return rows;
+}
+
+std::vector<double> residual(const Rows& rows, const double* b, const double* x) {
+  std::vector<double> out(rows.of.size());
+  for (std::size_t i = 0; i < out.size(); ++i) {
+    long double sum = b[i];
+    for (const Rows::Entry& e : rows.of[i]) sum -= e.value * x[e.column];
+    out[i] = static_cast<double>(sum);
+  }
+  return out;
 }
 
 class Random {
@@ -109,23 +140,23 @@ std::vector<double> solve(const MatrixView& a, const std::vector<double>& b, Ind
 }
 
 std::vector<double> residual(const MatrixView& a, const double* b, const double* x, bool transpose) {
-  std::vector<long double> sum(b, b + a.rows);
-  for (const auto& [at, v] : summed(a, transpose)) sum[static_cast<std::size_t>(at.first)] -= v * x[at.second];
-  return {sum.begin(), sum.end()};
+  return residual(summed(a, transpose), b, x);
 }
 
 double backward_error(const MatrixView& a, const std::vector<double>& b, const std::vector<double>& x, Index columns,
                       bool transpose) {
-  const auto entries = summed(a, transpose);
-  std::vector<long double> rows(static_cast<std::size_t>(a.rows), 0);
-  for (const auto& [at, v] : entries) rows[static_cast<std::size_t>(at.first)] += std::abs(v);
+  const Rows rows = summed(a, transpose);
   long double norm = 0;
-  for (const long double r : rows) norm = std::max(norm, r);
+  for (const std::vector<Rows::Entry>& row : rows.of) {
+    long double sum = 0;
+    for (const Rows::Entry& e : row) sum += std::abs(e.value);
+    norm = std::max(norm, sum);
+  }
   double worst = 0;
   for (Index k = 0; k < columns; ++k) {
     const double* bk = b.data() + static_cast<std::ptrdiff_t>(k) * a.rows;
     const double* xk = x.data() + static_cast<std::ptrdiff_t>(k) * a.rows;
-    const std::vector<double> r = residual(a, bk, xk, transpose);
+    const std::vector<double> r = residual(rows, bk, xk);
     long double most_r = 0, most_x = 0, most_b = 0;
     for (Index i = 0; i < a.rows; ++i) {
       if (!std::isfinite(xk[i])) return std::numeric_limits<double>::infinity();
