@@ -34,30 +34,34 @@ using espalier::solver::require;
 using espalier::solver::with_analyzed;
 using espalier::solver::with_factorized;
 
-namespace {
-
-espalier::Options options_of(espalier_solver& s) {
+espalier::Options espalier::solver::options_of(const espalier_solver& s) {
   if (!s.environment.status.ok()) throw Error(s.environment.status);
   espalier::Options options = s.options;
-  if (s.log != nullptr) {
+  if (s.log != nullptr)
     options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };
-  }
-  s.solver.reset();  // gives back the memory of the pattern before
-  s.complex_solver.reset();
   if (s.interrupt != nullptr)
     options.interrupted = [ask = s.interrupt, user = s.interrupt_user] { return ask(user) != 0; };
+  return options;
+}
+
+namespace {
+
+espalier::Options options_of_new_solver(espalier_solver& s) {
+  espalier::Options options = espalier::solver::options_of(s);
+  s.solver.reset();  // gives back the memory of the pattern before
+  s.complex_solver.reset();
   return options;
 }
 
 }  // namespace
 
 espalier::Solver& espalier::solver::make_solver(espalier_solver& s) {
-  espalier::Options options = options_of(s);
+  espalier::Options options = options_of_new_solver(s);
   return s.solver.emplace(s.ranks, std::move(options));
 }
 
 espalier::ComplexSolver& espalier::solver::make_complex_solver(espalier_solver& s) {
-  espalier::Options options = options_of(s);
+  espalier::Options options = options_of_new_solver(s);
   return s.complex_solver.emplace(s.ranks, std::move(options));
 }
 

@@ -32,14 +32,9 @@ int solve_batch(espalier_solver* solver, const Matrix* a, const Arrays& given) {
             "transpose must be 0 or 1");
     require(given.count == 0 || (given.values != nullptr && given.b != nullptr && given.x != nullptr),
             "the values, the right-hand sides or the solutions are null");
-    if (!s.environment.status.ok()) throw espalier::Error(s.environment.status);
+    const espalier::Options options = espalier::solver::options_of(s);
     const espalier::solver::CMatrix matrix(*a, false);
     require(!matrix.complex(), "complex systems are solved by espalier_solver alone");
-    espalier::Options options = s.options;
-    if (s.interrupt != nullptr)
-      options.interrupted = [ask = s.interrupt, user = s.interrupt_user] { return ask(user) != 0; };
-    if (s.log != nullptr)
-      options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };
     espalier::Batch batch(options);
     if (espalier::AnalysisResult analysis = batch.analyze(matrix.view()); !analysis.status.ok()) return analysis.status;
     const auto systems = static_cast<std::size_t>(given.count);

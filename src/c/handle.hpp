@@ -141,7 +141,9 @@ int guarded(espalier_solver* s, const Body& body) noexcept {
   return code;
 }
 
-/// A new solver, with the options of this moment.
+/// The options of this moment, with the log and the interruption. Throws where the environment was refused.
+Options options_of(const espalier_solver& s);
+/// A new solver with them.
 Solver& make_solver(espalier_solver& s);
 ComplexSolver& make_complex_solver(espalier_solver& s);
 

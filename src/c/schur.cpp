@@ -37,16 +37,6 @@ int guarded(espalier_schur* schur, const Body& body) noexcept {
   return espalier::solver::guarded(&schur->frame, [&](espalier_solver&) { return CallerStatus(body(*schur)); });
 }
 
-espalier::Options options_of(espalier_solver& s) {
-  if (!s.environment.status.ok()) throw espalier::Error(s.environment.status);
-  espalier::Options options = s.options;
-  if (s.log != nullptr)
-    options.log = [log = s.log, user = s.log_user](const std::string& line) { log(line.c_str(), user); };
-  if (s.interrupt != nullptr)
-    options.interrupted = [ask = s.interrupt, user = s.interrupt_user] { return ask(user) != 0; };
-  return options;
-}
-
 template <class Matrix>
 int analyze(espalier_schur* schur, const Matrix* a, const std::int64_t* unknowns, std::int64_t count,
             espalier_analysis_info* info) {
@@ -62,7 +52,7 @@ int analyze(espalier_schur* schur, const Matrix* a, const std::int64_t* unknowns
     for (std::int64_t k = 0; k < count; ++k)
       list.push_back(static_cast<Index>(std::clamp<std::int64_t>(unknowns[k] - a->index_base, -1, INT32_MAX)));
     s.schur.reset();
-    s.schur.emplace(options_of(s.frame));
+    s.schur.emplace(espalier::solver::options_of(s.frame));
     const espalier::AnalysisResult result = s.schur->analyze(matrix.view(), list);
     s.rows = matrix.view().rows;
     s.nonzeros = matrix.view().nonzeros();

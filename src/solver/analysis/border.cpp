@@ -13,8 +13,6 @@ namespace espalier::solver {
 
 namespace {
 
-double factor_of(const std::vector<double>& scale, Index i) { return scale.empty() ? 1.0 : scale[at(i)]; }
-
 double inverse_power_of_two(double x) { return x > 0 ? std::ldexp(1.0, -std::ilogb(x)) : 1.0; }
 
 }  // namespace

@@ -8,11 +8,17 @@
 
 #include "analysis/assembly_tree.hpp"
 #include "analysis/lazy_vector.hpp"
+#include "base/at.hpp"
 #include "base/scalar.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
+
+/// What row or column i is multiplied by; 1 where nothing is scaled.
+[[nodiscard]] inline double factor_of(const std::vector<double>& scale, Index i) {
+  return scale.empty() ? 1.0 : scale[at(i)];
+}
 
 /// A sparse matrix of the conventions of MatrixView whose large arrays are left uninitialised, so that all threads can
 /// fill them for the first time.

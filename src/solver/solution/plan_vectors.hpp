@@ -22,10 +22,6 @@
 
 namespace espalier::solver {
 
-[[nodiscard]] inline double factor_of(const std::vector<double>& scale, Index i) {
-  return scale.empty() ? 1.0 : scale[at(i)];
-}
-
 /// FP32: a right-hand side may be far from 1 where the scaled matrix is not. Each is measured in a power of two, which
 /// changes no digit.
 template <class T>
