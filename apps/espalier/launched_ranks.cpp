@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "checked_options.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solver/ranks/on_all_ranks.hpp"
 
 namespace espalier::cli {

@@ -57,7 +57,7 @@ class Streams {
   double read() {
     const double start = now_seconds();
     pool_.run([&](int worker) {
-      Part& part = parts_[static_cast<std::size_t>(worker)];
+      Share& part = parts_[static_cast<std::size_t>(worker)];
       part.sum = 0;
       for (const auto& array : part.arrays) part.sum += sum_of(array.data(), count_);
     });
@@ -67,7 +67,7 @@ class Streams {
   double triad() {
     const double start = now_seconds();
     pool_.run([&](int worker) {
-      Part& part = parts_[static_cast<std::size_t>(worker)];
+      Share& part = parts_[static_cast<std::size_t>(worker)];
       double* a = part.arrays[0].data();
       const double* b = part.arrays[1].data();
       const double* c = part.arrays[2].data();
@@ -82,12 +82,12 @@ class Streams {
   [[nodiscard]] bool touched() const { return parts_.front().sum != 0; }
 
  private:
-  struct Part {
+  struct Share {
     base::Buffer<double> arrays[3];
     double sum = 0;
   };
   base::ThreadPool pool_;
-  std::vector<Part> parts_;
+  std::vector<Share> parts_;
   std::int64_t count_ = 0;
 };
 

@@ -13,7 +13,7 @@
 namespace espalier {
 
 namespace ranks {
-class Link;
+class Communicator;
 }
 
 /// Processes (*ranks*) that share solvers. A handle: copies stand for the same ranks, and several solvers may be made
@@ -36,10 +36,10 @@ class Ranks {
   [[nodiscard]] int size() const;  ///< 1 without others
   /// "rank 2 on host node7".
   [[nodiscard]] std::string name_of(int rank) const;
-  [[nodiscard]] const std::shared_ptr<ranks::Link>& link() const { return link_; }
+  [[nodiscard]] const std::shared_ptr<ranks::Communicator>& link() const { return link_; }
 
  private:
-  std::shared_ptr<ranks::Link> link_;
+  std::shared_ptr<ranks::Communicator> link_;
 };
 
 /// Rows [first, first + count).

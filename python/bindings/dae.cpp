@@ -179,13 +179,13 @@ class DaeHandle {
   }
   // Also from the system's own functions and observer.
   nb::tuple state() {
-    return turns_.look([&] {
+    return turns_.query([&] {
       const nb::gil_scoped_acquire gil;
       return state_of(dae_->state());
     });
   }
   DaeSummary summary() {
-    return turns_.look([&] { return dae_->summary(); });
+    return turns_.query([&] { return dae_->summary(); });
   }
 
  private:

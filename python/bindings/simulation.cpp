@@ -61,8 +61,8 @@ class SimulationHandle {
   }
   // Small calls, also from the observer of a run.
   template <class Body>
-  std::invoke_result_t<Body, Simulation&> look(Body&& body) {
-    return turns_.look([&] { return body(*simulation_); });
+  std::invoke_result_t<Body, Simulation&> query(Body&& body) {
+    return turns_.query([&] { return body(*simulation_); });
   }
 
  private:
@@ -109,7 +109,7 @@ void bind_simulation(nb::module_& m) {
                     bool>(),
            "set"_a, "out"_a, "until"_a.none(), "restart"_a, "accept_changes"_a, "quantities"_a, "solver"_a,
            "analyses"_a, "frames"_a, "page"_a)
-      .def("page", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.page(); }); })
+      .def("page", [](SimulationHandle& s) { return s.query([](Simulation& sim) { return sim.page(); }); })
       .def(
           "load",
           [](SimulationHandle& s, const std::string& text, const std::string& name) {
@@ -125,7 +125,7 @@ void bind_simulation(nb::module_& m) {
           "t"_a, "observer"_a.none())
       .def("save",
            [](SimulationHandle& s) {
-             const std::string bytes = s.look([](Simulation& sim) { return sim.save(); });
+             const std::string bytes = s.query([](Simulation& sim) { return sim.save(); });
              return nb::bytes(bytes.data(), bytes.size());
            })
       .def(
@@ -135,25 +135,25 @@ void bind_simulation(nb::module_& m) {
             return status_of(s.restore(bytes));
           },
           "state"_a)
-      .def("time", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.time(); }); })
-      .def("end_time", [](SimulationHandle& s) { return s.look([](Simulation& sim) { return sim.end_time(); }); })
+      .def("time", [](SimulationHandle& s) { return s.query([](Simulation& sim) { return sim.time(); }); })
+      .def("end_time", [](SimulationHandle& s) { return s.query([](Simulation& sim) { return sim.end_time(); }); })
       .def(
           "value",
           [](SimulationHandle& s, const std::string& quantity) {
-            return s.look([&](Simulation& sim) { return sim.value(quantity); });
+            return s.query([&](Simulation& sim) { return sim.value(quantity); });
           },
           "quantity"_a)
       .def("inputs",
            [](SimulationHandle& s) {
              nb::dict d;
-             for (const SimulationInput& i : s.look([](Simulation& sim) { return sim.inputs(); }))
+             for (const SimulationInput& i : s.query([](Simulation& sim) { return sim.inputs(); }))
                d[i.name.c_str()] = i.value;
              return d;
            })
       .def(
           "set_input",
           [](SimulationHandle& s, const std::string& name, double value) {
-            s.look([&](Simulation& sim) {
+            s.query([&](Simulation& sim) {
               sim.set_input(name, value);
               return 0;
             });
@@ -162,35 +162,35 @@ void bind_simulation(nb::module_& m) {
       .def("quantities",
            [](SimulationHandle& s) {
              nb::dict d;
-             for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
+             for (const SimulationQuantity& q : s.query([](Simulation& sim) { return sim.quantities(); }))
                d[q.name.c_str()] = q.dimension;
              return d;
            })
       .def("units",
            [](SimulationHandle& s) {
              nb::dict d;
-             for (const SimulationQuantity& q : s.look([](Simulation& sim) { return sim.quantities(); }))
+             for (const SimulationQuantity& q : s.query([](Simulation& sim) { return sim.quantities(); }))
                if (!q.unit.empty()) d[q.name.c_str()] = q.unit;
              return d;
            })
       .def("series",
            [](SimulationHandle& s) {
-             SimulationSeries series = s.look([](Simulation& sim) { return sim.series(); });
+             SimulationSeries series = s.query([](Simulation& sim) { return sim.series(); });
              const std::size_t rows = series.t.size(), columns = series.names.size();
              return nb::make_tuple(series.names, array_of(std::move(series.t), {rows}),
                                    array_of(std::move(series.values), {rows, columns}));
            })
-      .def("mesh", [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.mesh(); })); })
-      .def("frame", [](SimulationHandle& s) { return fields(s.look([](Simulation& sim) { return sim.frame(); })); })
+      .def("mesh", [](SimulationHandle& s) { return fields(s.query([](Simulation& sim) { return sim.mesh(); })); })
+      .def("frame", [](SimulationHandle& s) { return fields(s.query([](Simulation& sim) { return sim.frame(); })); })
       .def("frames",
            [](SimulationHandle& s) {
              nb::list list;
-             for (SimulationFrame& f : s.look([](Simulation& sim) { return sim.frames(); }))
+             for (SimulationFrame& f : s.query([](Simulation& sim) { return sim.frames(); }))
                list.append(fields(std::move(f)));
              return list;
            })
       .def("summary",
-           [](SimulationHandle& s) { return summary_dict(s.look([](Simulation& sim) { return sim.summary(); })); });
+           [](SimulationHandle& s) { return summary_dict(s.query([](Simulation& sim) { return sim.summary(); })); });
 }
 
 }  // namespace espalier::python

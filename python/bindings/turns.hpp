@@ -38,7 +38,7 @@ class Turns {
 
   /// As call(), for looks that callbacks of a call may take, too.
   template <class Body>
-  std::invoke_result_t<Body> look(Body&& body) {
+  std::invoke_result_t<Body> query(Body&& body) {
     return inside() ? body() : call(body);
   }
 

@@ -220,11 +220,11 @@ def test_derivatives_of_model_exchange(tmp_path, version):
         seeds += [row for k, row in enumerate(np.eye(len(at))) if k % 5 == 0 or k >= len(states)]
         point = at + generator.uniform(-1e-2, 1e-2, len(at))
         for seed in seeds:
-            put(states + inputs, list(point))
+            set_values(states + inputs, list(point))
             told = np.array(fmu.getDirectionalDerivative(unknowns, states + inputs, list(seed)))
 
             def value(way):
-                put(states + inputs, list(point + way * seed))
+                set_values(states + inputs, list(point + way * seed))
                 return np.array(get(unknowns))
 
             h = 1e-4

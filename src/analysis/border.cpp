@@ -20,12 +20,12 @@ void merge(std::vector<Index>& to, const std::vector<Index>& from) {
   to = std::move(both);
 }
 
-Rows own_rows(const AssemblyTree& tree, std::span<const BorderLink> links) {
+Rows own_rows(const AssemblyTree& tree, std::span<const BorderEntry> links) {
   std::vector<Index> front(at(tree.n));
   for (Index f = 0; f < tree.fronts(); ++f)
     std::fill(front.begin() + tree.first[at(f)], front.begin() + tree.first[at(f) + 1], f);
   Rows rows(at(tree.fronts()));
-  for (const BorderLink& l : links) rows[at(front[at(l.position)])].push_back(l.row);
+  for (const BorderEntry& l : links) rows[at(front[at(l.position)])].push_back(l.row);
   for (auto& list : rows) {
     std::sort(list.begin(), list.end());
     list.erase(std::unique(list.begin(), list.end()), list.end());
@@ -44,7 +44,7 @@ void join_roots(AssemblyTree& tree, const Rows& rows) {
 
 }  // namespace
 
-void add_border(AssemblyTree& tree, Index size, std::span<const BorderLink> links) {
+void add_border(AssemblyTree& tree, Index size, std::span<const BorderEntry> links) {
   Rows rows = own_rows(tree, links);
   for (Index f = 0; f < tree.fronts(); ++f)
     if (const Index up = tree.parent[at(f)]; up >= 0) merge(rows[at(up)], rows[at(f)]);

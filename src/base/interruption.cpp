@@ -17,7 +17,7 @@ Interruption::Call::~Call() {
   interruption_->owner_ = {};
 }
 
-void Interruption::look() {
+void Interruption::throw_if_stopped() {
   if (asks_here()) ask_when_due();
   if (stop_.load(std::memory_order_relaxed)) throw Error(StatusCode::cancelled, "the caller has interrupted the call");
 }

@@ -37,7 +37,7 @@ class Interruption {
   /// Between pieces of work, in any thread. Costs a branch where nobody is asked, else some 20 ns.
   /// @throws Error(cancelled) once the caller has said stop
   void check() {
-    if (ask_) look();
+    if (ask_) throw_if_stopped();
   }
   /// Waits like changed.wait(lock, done) and asks meanwhile, in the thread that calls; does not throw.
   template <class Done>
@@ -54,7 +54,7 @@ class Interruption {
   static constexpr std::chrono::milliseconds kDoze{10};
 
   [[nodiscard]] bool asks_here() const { return ask_ && owner_ == std::this_thread::get_id(); }
-  void look();
+  void throw_if_stopped();
   void ask_when_due() noexcept;
 
   const std::function<bool()> ask_;

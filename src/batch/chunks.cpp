@@ -14,8 +14,8 @@ namespace espalier::batch {
 
 namespace {
 
-// Kernels on several GPUs wait for each other, so that those of two lanes could wait for ever.
-int most_lanes(const solver::Analysis& analysis) {
+// Kernels on several GPUs wait for each other, so that those of two teams could wait for ever.
+int most_teams(const solver::Analysis& analysis) {
   const solver::DeviceChoice& device = analysis.device;
   return device.backend->limits().own_memory && device.numbers.size() > 1 ? 1 : 2;
 }
@@ -30,8 +30,8 @@ std::string solve_part(Chunk& chunk, const ChunkJob& part, std::span<SystemResul
 
 }  // namespace
 
-struct Chunks::Lane {
-  explicit Lane(Options options) : session(std::move(options)) {}
+struct Chunks::Team {
+  explicit Team(Options options) : session(std::move(options)) {}
   solver::Session session;  // threads and memory
   std::unique_ptr<Chunk> chunk;
 };
@@ -40,11 +40,11 @@ Chunks::Chunks(solver::Session& session) : session_(session) {}
 
 Chunks::~Chunks() {
   if (!session_.device_lost()) return;
-  for (const auto& lane : lanes_) (void)lane->chunk.release();
+  for (const auto& team : teams_) (void)team->chunk.release();
 }
 
 void Chunks::forget() {
-  lanes_.clear();
+  teams_.clear();
   best_.reset();
 }
 
@@ -53,32 +53,32 @@ Index Chunks::size_for(const solver::SharedAnalysis& analysis, Index count) {
   const Offset most = std::numeric_limits<Index>::max() / analysis->n();
   if (const std::optional<Index> wish = Chunk::wished_size())
     return static_cast<Index>(std::min({Offset{*wish}, Offset{count}, most}));
-  if (!best_) best_ = Chunk::best_size(*analysis, most_lanes(*analysis), session_.context);
+  if (!best_) best_ = Chunk::best_size(*analysis, most_teams(*analysis), session_.context);
   if (*best_ < 2) return 0;
-  // Equal chunks, as many in each lane.
-  const Index lanes = most_lanes(*analysis);
+  // Equal chunks, as many in each team.
+  const Index teams = most_teams(*analysis);
   Index chunks = (count + *best_ - 1) / *best_;
-  if (chunks > 1) chunks = (chunks + lanes - 1) / lanes * lanes;
+  if (chunks > 1) chunks = (chunks + teams - 1) / teams * teams;
   return chunks > 0 ? (count + chunks - 1) / chunks : 0;
 }
 
-// Where there is no memory for the second lane, the first goes alone.
-void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes) {
+// Where there is no memory for the second team, the first goes alone.
+void Chunks::make_teams(const solver::SharedAnalysis& analysis, Index size, int teams) {
   const auto fits = [&](const Chunk& c) { return c.systems() >= size && c.systems() <= 2 * size; };
-  if (!lanes_.empty() && wanted_ >= lanes && fits(*lanes_.front()->chunk)) return;
-  lanes_.clear();
-  wanted_ = lanes;
+  if (!teams_.empty() && wanted_ >= teams && fits(*teams_.front()->chunk)) return;
+  teams_.clear();
+  wanted_ = teams;
   session_.note_devices();
-  const int threads = std::max(1, session_.pool.size() / lanes);
+  const int threads = std::max(1, session_.pool.size() / teams);
   const auto add = [&] {
-    auto lane = std::make_unique<Lane>(options_of_worker(session_.options, threads, lanes));
-    lane->chunk = lanes_.empty() ? std::make_unique<Chunk>(analysis, size, lane->session.context)
-                                 : std::make_unique<Chunk>(*lanes_.front()->chunk, lane->session.context);
-    lanes_.push_back(std::move(lane));
+    auto team = std::make_unique<Team>(options_of_worker(session_.options, threads, teams));
+    team->chunk = teams_.empty() ? std::make_unique<Chunk>(analysis, size, team->session.context)
+                                 : std::make_unique<Chunk>(*teams_.front()->chunk, team->session.context);
+    teams_.push_back(std::move(team));
   };
   add();
   try {
-    while (static_cast<int>(lanes_.size()) < lanes) add();
+    while (static_cast<int>(teams_.size()) < teams) add();
   } catch (const Error& e) {
     if (e.status().code != StatusCode::out_of_memory) throw;
   }
@@ -87,15 +87,15 @@ void Chunks::make_lanes(const solver::SharedAnalysis& analysis, Index size, int 
 // @returns why not all chunks were tried; empty: they were
 std::string Chunks::solve_in_lanes(const ChunkJob& all, std::span<SystemResult> results, std::span<char> left) {
   const auto systems = static_cast<Index>(all.systems.size());
-  const Index size = lanes_.front()->chunk->systems();
-  std::vector<std::string> why(lanes_.size());
+  const Index size = teams_.front()->chunk->systems();
+  std::vector<std::string> why(teams_.size());
   std::atomic<bool> useful{true}, broken{false};
-  share(session_.pool, static_cast<int>(lanes_.size()), (systems + size - 1) / size, [&](int lane, Index k) {
+  share(session_.pool, static_cast<int>(teams_.size()), (systems + size - 1) / size, [&](int team, Index k) {
     if (!useful) return;
     const Index first = k * size, count = std::min(size, systems - first);
-    std::string& mine = why[static_cast<std::size_t>(lane)];
+    std::string& mine = why[static_cast<std::size_t>(team)];
     try {
-      mine = solve_part(*lanes_[static_cast<std::size_t>(lane)]->chunk,
+      mine = solve_part(*teams_[static_cast<std::size_t>(team)]->chunk,
                         {all.systems.subspan(at(first), at(count)), all.columns, all.transpose},
                         results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
     } catch (const Error& e) {
@@ -104,7 +104,7 @@ std::string Chunks::solve_in_lanes(const ChunkJob& all, std::span<SystemResult> 
     }
     if (!mine.empty()) useful = false;
   });
-  if (broken) lanes_.clear();
+  if (broken) teams_.clear();
   const auto reason = std::find_if(why.begin(), why.end(), [](const std::string& s) { return !s.empty(); });
   return reason != why.end() ? *reason : "";
 }
@@ -118,28 +118,28 @@ std::vector<char> Chunks::solve(const solver::SharedAnalysis& analysis, const Ch
   std::string why;
   try {
     const Index chunks = (count + size - 1) / size;
-    make_lanes(analysis, size, std::min({most_lanes(*analysis), session_.pool.size(), static_cast<int>(chunks)}));
-    workers = std::max(workers, static_cast<int>(std::min(Offset{count}, Offset{size} * std::ssize(lanes_))));
+    make_teams(analysis, size, std::min({most_teams(*analysis), session_.pool.size(), static_cast<int>(chunks)}));
+    workers = std::max(workers, static_cast<int>(std::min(Offset{count}, Offset{size} * std::ssize(teams_))));
     why = solve_in_lanes(all, results, left);
   } catch (const Error& e) {
     if (e.status().code == StatusCode::cancelled) throw;
-    lanes_.clear();
+    teams_.clear();
     why = e.what();
   }
   session_.context.log(fmt::format("batch: {} of {} systems were solved in chunks of {}, the others one by one{}",
                                    std::count(left.begin(), left.end(), 0), count, size,
                                    why.empty() ? "" : ": " + why));
-  if (!lanes_.empty()) log_seconds();
+  if (!teams_.empty()) log_seconds();
   return left;
 }
 
 void Chunks::log_seconds() const {
   Chunk::Seconds all;
-  for (const auto& lane : lanes_) all += lane->chunk->seconds();
+  for (const auto& team : teams_) all += team->chunk->seconds();
   session_.context.log(
       fmt::format("batch: so far {:.4f} s for values, {:.4f} factorizations, {:.4f} substitutions, "
-                  "{:.4f} residuals and verdicts; lanes: {}",
-                  all.values, all.factorizations, all.substitutions, all.residuals, lanes_.size()));
+                  "{:.4f} residuals and verdicts; teams: {}",
+                  all.values, all.factorizations, all.substitutions, all.residuals, teams_.size()));
 }
 
 }  // namespace espalier::batch

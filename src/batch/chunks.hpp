@@ -13,8 +13,8 @@
 
 namespace espalier::batch {
 
-/// Chunks go through two lanes, each with half of the threads and a factor of its own: while the device works for one,
-/// the host is busy with the other. Lanes are kept for the next batch with the same analysis.
+/// Chunks go through two teams, each with half of the threads and a factor of its own: while the device works for one,
+/// the host is busy with the other. Teams are kept for the next batch with the same analysis.
 class Chunks {
  public:
   /// @param session  whose threads work; outlives this
@@ -35,15 +35,15 @@ class Chunks {
 
  private:
   Index size_for(const solver::SharedAnalysis& analysis, Index count);
-  struct Lane;
-  void make_lanes(const solver::SharedAnalysis& analysis, Index size, int lanes);
+  struct Team;
+  void make_teams(const solver::SharedAnalysis& analysis, Index size, int teams);
   std::string solve_in_lanes(const ChunkJob& all, std::span<SystemResult> results, std::span<char> left);
   void log_seconds() const;
 
   solver::Session& session_;
   std::optional<Index> best_;  // size, by the memory that was free before the first chunk
-  std::vector<std::unique_ptr<Lane>> lanes_;
-  int wanted_ = 0;  // lanes, when these were made
+  std::vector<std::unique_ptr<Team>> teams_;
+  int wanted_ = 0;  // teams, when these were made
 };
 
 }  // namespace espalier::batch

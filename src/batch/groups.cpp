@@ -25,8 +25,8 @@ namespace {
 
 using solver::Session;
 
-constexpr int kMostLanes = 2;
-constexpr Index kUnknownsOfGroup = (1 << 19) / kMostLanes;  // of a group: in all as many as a Batch takes
+constexpr int kMostTeams = 2;
+constexpr Index kUnknownsOfGroup = (1 << 19) / kMostTeams;  // of a group: in all as many as a Batch takes
 // What one thread should not be left with, and fills a good part of a device.
 constexpr Index kLargeSystem = kUnknownsOfGroup / 16;
 // So many systems of one pattern are worth a plan of their own, which a Batch keeps from chunk to chunk.
@@ -42,10 +42,10 @@ ChunkSystem arrays_of(const System& s) { return {s.a.values, s.b.data(), s.x.dat
 }  // namespace
 
 // Threads that order and go on with what is left, and a session for what is done together.
-struct Groups::Lane {
-  Lane(const Session& from, int threads, int lanes)
-      : session(options_of_worker(from.options, threads, 2 * lanes), from.context.registry) {
-    const Options alone = on_the_cores(options_of_worker(from.options, 1, 2 * lanes * threads));
+struct Groups::Team {
+  Team(const Session& from, int threads, int teams)
+      : session(options_of_worker(from.options, threads, 2 * teams), from.context.registry) {
+    const Options alone = on_the_cores(options_of_worker(from.options, 1, 2 * teams * threads));
     for (int t = 0; t < threads; ++t) workers.push_back(std::make_unique<Session>(alone, from.context.registry));
   }
   template <class One>
@@ -102,7 +102,7 @@ bool Groups::serve(const Options& options, const device::Registry& registry) {
 }
 
 Groups::Groups(Session& session)
-    : session_(session), wished_(Chunk::wished_size().value_or(0)), lanes_(std::min(kMostLanes, session.pool.size())) {}
+    : session_(session), wished_(Chunk::wished_size().value_or(0)), teams_(std::min(kMostTeams, session.pool.size())) {}
 
 int Groups::solve(std::span<const System> systems, std::span<SystemResult> results) {
   Numbers rest, large, small;
@@ -116,10 +116,10 @@ int Groups::solve(std::span<const System> systems, std::span<SystemResult> resul
   solve_on_threads(session_, systems, large, named ? 1 : session_.pool.size(), results);
   if (!small.empty())
     session_.context.log(
-        fmt::format("solve_systems: {} of {} systems were solved together, in {} groups{}; {} lanes took "
+        fmt::format("solve_systems: {} of {} systems were solved together, in {} groups{}; {} teams took "
                     "{:.4f} s to order, {:.4f} for plans, {:.4f} for factors and solutions, {:.4f} for "
                     "the others",
-                    together_.load(), small.size(), groups.size(), why_.empty() ? "" : ": " + why_, lanes_,
+                    together_.load(), small.size(), groups.size(), why_.empty() ? "" : ": " + why_, teams_,
                     seconds_.order, seconds_.plan, seconds_.solve, seconds_.others));
   std::size_t most = static_cast<std::size_t>(session_.pool.size());
   for (const Numbers& g : groups) most = std::max(most, together_ > 0 ? g.size() : 1);
@@ -128,14 +128,14 @@ int Groups::solve(std::span<const System> systems, std::span<SystemResult> resul
 
 void Groups::solve_in_lanes(std::span<const System> systems, const std::vector<Numbers>& groups,
                             std::span<SystemResult> results) {
-  lanes_ = std::min(lanes_, static_cast<int>(groups.size()));
-  std::vector<std::unique_ptr<Lane>> lanes;
-  for (int l = 0; l < lanes_; ++l)
-    lanes.push_back(std::make_unique<Lane>(session_, std::max(1, session_.pool.size() / lanes_), lanes_));
-  share(session_.pool, lanes_, static_cast<Index>(groups.size()), [&](int lane, Index g) {
-    solve_group(*lanes[static_cast<std::size_t>(lane)], systems, groups[at(g)], results);
+  teams_ = std::min(teams_, static_cast<int>(groups.size()));
+  std::vector<std::unique_ptr<Team>> teams;
+  for (int l = 0; l < teams_; ++l)
+    teams.push_back(std::make_unique<Team>(session_, std::max(1, session_.pool.size() / teams_), teams_));
+  share(session_.pool, teams_, static_cast<Index>(groups.size()), [&](int team, Index g) {
+    solve_group(*teams[static_cast<std::size_t>(team)], systems, groups[at(g)], results);
   });
-  for (const auto& lane : lanes) seconds_ += lane->seconds;
+  for (const auto& team : teams) seconds_ += team->seconds;
 }
 
 // Those of one pattern by a Batch; one that fails there is asked again. @returns the others
@@ -167,7 +167,7 @@ Groups::Numbers Groups::solve_equal(std::span<const System> systems, Numbers num
   return numbers;
 }
 
-// Groups of about equal size, of systems of a kind with as many right-hand sides, as many in each lane.
+// Groups of about equal size, of systems of a kind with as many right-hand sides, as many in each team.
 std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const Numbers& numbers) const {
   std::vector<Kind> kinds(numbers.size());
   session_.pool.for_each_range(std::ssize(numbers), 16, [&](std::int64_t begin, std::int64_t end) {
@@ -185,7 +185,7 @@ std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const 
     Offset unknowns = 0;
     for (const Index k : list) unknowns += systems[at(k)].a.cols;
     Offset count = (unknowns + kUnknownsOfGroup - 1) / kUnknownsOfGroup;
-    if (count > 1) count = (count + lanes_ - 1) / lanes_ * lanes_;
+    if (count > 1) count = (count + teams_ - 1) / teams_ * teams_;
     Offset taken = 0, size = 0;
     const auto begin = static_cast<Offset>(groups.size());
     for (const Index k : list) {
@@ -202,11 +202,11 @@ std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const 
   return groups;
 }
 
-void Groups::solve_group(Lane& lane, std::span<const System> systems, const Numbers& numbers,
+void Groups::solve_group(Team& team, std::span<const System> systems, const Numbers& numbers,
                          std::span<SystemResult> results) {
   const double start = base::now_seconds();
   std::vector<Member> members(numbers.size());
-  lane.share(members.size(), [&](Session& worker, std::size_t k) {
+  team.share(members.size(), [&](Session& worker, std::size_t k) {
     session_.pool.check();
     Member& m = members[k];
     m.system = &systems[at(numbers[k])];
@@ -222,17 +222,17 @@ void Groups::solve_group(Lane& lane, std::span<const System> systems, const Numb
     m.ordered.reset();
     forget_solution(m.system->x);
   });
-  lane.seconds.order += base::now_seconds() - start;
+  team.seconds.order += base::now_seconds() - start;
   std::map<std::pair<Kind, Storage>, std::vector<Member*>> alike;
   for (Member& m : members)
     if (m.ordered && !m.alone)
       alike[{m.ordered->draft.system.kind, m.ordered->draft.system.prepared.a.storage}].push_back(&m);
-  for (const auto& [key, list] : alike) solve_together(lane, list);
+  for (const auto& [key, list] : alike) solve_together(team, list);
   const double together = base::now_seconds();
   std::vector<Member*> left;
   for (Member& m : members)
     if (m.ordered && m.left) left.push_back(&m);
-  lane.share(left.size(), [&](Session& worker, std::size_t k) {
+  team.share(left.size(), [&](Session& worker, std::size_t k) {
     session_.pool.check();
     Member& m = *left[k];
     m.result->status = solver::status_of(worker.interruption, kRemedy, [&] {
@@ -245,15 +245,15 @@ void Groups::solve_group(Lane& lane, std::span<const System> systems, const Numb
       forget_solution(m.system->x);
     worker.factor.reset();
   });
-  lane.seconds.others += base::now_seconds() - together;
+  team.seconds.others += base::now_seconds() - together;
 }
 
 // What there is no memory for together is halved.
-void Groups::solve_together(Lane& lane, std::span<Member* const> members) {
+void Groups::solve_together(Team& team, std::span<Member* const> members) {
   if (members.size() < 2 || !useful_) return;
   session_.pool.check();
   try {
-    return solve_chunk(lane, members);
+    return solve_chunk(team, members);
   } catch (const Error& e) {
     if (e.status().code == StatusCode::cancelled) throw;
     if (e.status().code != StatusCode::out_of_memory) {
@@ -265,13 +265,13 @@ void Groups::solve_together(Lane& lane, std::span<Member* const> members) {
     note("groups were cut, out of memory");
   }
   const std::size_t half = members.size() / 2;
-  solve_together(lane, members.first(half));
-  solve_together(lane, members.subspan(half));
+  solve_together(team, members.first(half));
+  solve_together(team, members.subspan(half));
 }
 
-void Groups::solve_chunk(Lane& lane, std::span<Member* const> members) {
+void Groups::solve_chunk(Team& team, std::span<Member* const> members) {
   const double start = base::now_seconds();
-  const solver::Context& context = lane.session.context;
+  const solver::Context& context = team.session.context;
   std::vector<JoinedBlock> blocks;
   std::vector<const solver::System*> parts;
   std::vector<ChunkSystem> systems;
@@ -286,13 +286,13 @@ void Groups::solve_chunk(Lane& lane, std::span<Member* const> members) {
   if (!fits(*analysis, columns, context)) throw Error(StatusCode::out_of_memory, "they need more memory than there is");
   std::unique_lock alone(several_devices_, std::defer_lock);
   if (analysis->device.backend->limits().own_memory && analysis->device.devices() > 1) alone.lock();
-  lane.seconds.plan += base::now_seconds() - start;
+  team.seconds.plan += base::now_seconds() - start;
   const double planned = base::now_seconds();
   Chunk chunk(analysis, parts, context);
   std::vector<SystemResult> results(members.size());
   const std::vector<char> left =
       chunk.solve({systems, columns, members.front()->system->transpose != Transpose::no}, results);
-  lane.seconds.solve += base::now_seconds() - planned;
+  team.seconds.solve += base::now_seconds() - planned;
   if (left.empty()) return note("together they do not tell the inertia of each, or pivots fail");
   for (std::size_t k = 0; k < members.size(); ++k) {
     if (left[k] != 0) continue;
@@ -302,7 +302,7 @@ void Groups::solve_chunk(Lane& lane, std::span<Member* const> members) {
   }
 }
 
-// Half of a lane's share of a device's memory, or of its budget: the rest is others'.
+// Half of a team's share of a device's memory, or of its budget: the rest is others'.
 bool Groups::fits(const solver::Analysis& joined, Index columns, const solver::Context& context) const {
   const device::Backend& backend = *joined.device.backend;
   Offset memory = solver::budgets_of(joined.device, context.options).front();
@@ -311,7 +311,7 @@ bool Groups::fits(const solver::Analysis& joined, Index columns, const solver::C
   const Offset vectors = (8 + 3 * Offset{columns}) * joined.n();
   const Offset bytes = backend.executor_bytes(joined.plan, joined.kind(), Precision::fp64, context.pool.size()) +
                        2 * static_cast<Offset>(sizeof(double)) * (joined.system->prepared.a.nonzeros() + vectors);
-  return bytes <= memory / (2 * lanes_);
+  return bytes <= memory / (2 * teams_);
 }
 
 void Groups::note(const std::string& why) {

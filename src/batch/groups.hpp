@@ -16,7 +16,7 @@
 namespace espalier::batch {
 
 /// Systems of a group are ordered one by one, as each would be alone, and then factorized as blocks of one system;
-/// those that do not come to an answer there go on alone, on the cores, from their order. Groups go through two lanes,
+/// those that do not come to an answer there go on alone, on the cores, from their order. Groups go through two teams,
 /// each with half of the threads: while the device works for one, the other orders.
 class Groups {
  public:
@@ -33,7 +33,7 @@ class Groups {
  private:
   using Numbers = std::vector<Index>;  // of systems
 
-  // Of lanes, which work beside each other.
+  // Of teams, which work beside each other.
   struct Seconds {
     double order = 0, plan = 0, solve = 0, others = 0;
     Seconds& operator+=(const Seconds& s) {
@@ -41,24 +41,24 @@ class Groups {
       return *this;
     }
   };
-  struct Lane;
+  struct Team;
   struct Member;
   Numbers solve_equal(std::span<const System> systems, Numbers numbers, std::span<SystemResult> results);
   void solve_in_lanes(std::span<const System> systems, const std::vector<Numbers>& groups,
                       std::span<SystemResult> results);
   [[nodiscard]] std::vector<Numbers> cut(std::span<const System> systems, const Numbers& numbers) const;
-  void solve_group(Lane& lane, std::span<const System> systems, const Numbers& numbers,
+  void solve_group(Team& team, std::span<const System> systems, const Numbers& numbers,
                    std::span<SystemResult> results);
-  void solve_together(Lane& lane, std::span<Member* const> members);
-  void solve_chunk(Lane& lane, std::span<Member* const> members);
+  void solve_together(Team& team, std::span<Member* const> members);
+  void solve_chunk(Team& team, std::span<Member* const> members);
   [[nodiscard]] bool fits(const solver::Analysis& joined, Index columns, const solver::Context& context) const;
   void note(const std::string& why);
 
   solver::Session& session_;
   const Index wished_;  // systems of a group; 0: as many as fill a device
-  int lanes_;
+  int teams_;
   Seconds seconds_;
-  std::mutex several_devices_;  // their kernels wait for each other: one lane's at a time
+  std::mutex several_devices_;  // their kernels wait for each other: one team's at a time
   std::mutex noting_;
   std::string why_;                 // not all were solved together; empty: no reason
   std::atomic<bool> useful_{true};  // the device has not failed

@@ -42,10 +42,10 @@ struct OwnRows {
 constexpr std::int64_t kMostRows = std::numeric_limits<Index>::max();
 
 // A column that the matrix does not have becomes one that the solver refuses.
-template <class Part>
-OwnRows own_rows(const Part& part) {
-  require(part.size >= offsetof(Part, numbers), "size is not that of the struct");
-  const std::int64_t numbers = part.size >= sizeof(Part) ? part.numbers : std::int64_t{ESPALIER_REAL};
+template <class Local>
+OwnRows own_rows(const Local& part) {
+  require(part.size >= offsetof(Local, numbers), "size is not that of the struct");
+  const std::int64_t numbers = part.size >= sizeof(Local) ? part.numbers : std::int64_t{ESPALIER_REAL};
   require(numbers == ESPALIER_REAL || numbers == ESPALIER_COMPLEX, "numbers is none of espalier_numbers");
   require(part.index_base == 0 || part.index_base == 1, "index_base must be 0 or 1");
   require(part.storage >= ESPALIER_GENERAL && part.storage <= ESPALIER_HERMITIAN_BOTH, "an unknown storage");
@@ -76,8 +76,8 @@ OwnRows own_rows(const Part& part) {
 }
 
 // Analysis of a part by `analyze(solver, view)`, after `check()` of other arguments.
-template <class Part, class Check, class Analyze>
-int analyze_by(espalier_solver* solver, const Part* part, espalier_analysis_info* info, const Check& check,
+template <class Local, class Check, class Analyze>
+int analyze_by(espalier_solver* solver, const Local* part, espalier_analysis_info* info, const Check& check,
                const Analyze& analyze) {
   return guarded(solver, [&](espalier_solver& s) {
     if (s.ranks.size() > 1) s.solver.reset(), s.complex_solver.reset();  // as on the other ranks, should it fail here
@@ -103,14 +103,14 @@ int analyze_by(espalier_solver* solver, const Part* part, espalier_analysis_info
   });
 }
 
-template <class Part>
-int analyze_rows(espalier_solver* solver, const Part* part, espalier_analysis_info* info) {
+template <class Local>
+int analyze_rows(espalier_solver* solver, const Local* part, espalier_analysis_info* info) {
   return analyze_by(
       solver, part, info, [] {}, [](auto& cpp, const auto& view) { return cpp.analyze(view); });
 }
 
-template <class Part>
-int load_rows(espalier_solver* solver, const char* path, const Part* part, espalier_analysis_info* info) {
+template <class Local>
+int load_rows(espalier_solver* solver, const char* path, const Local* part, espalier_analysis_info* info) {
   return analyze_by(
       solver, part, info, [&] { require(path != nullptr, "the path is null"); },
       [&](auto& cpp, const auto& view) { return cpp.load_analysis(path, view); });

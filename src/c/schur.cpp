@@ -182,13 +182,13 @@ int espalier_schur_inertia(espalier_schur* schur, std::int64_t rest[3], std::int
   return guarded(schur, [&](espalier_schur& s) {
     require(rest != nullptr && complement != nullptr, "the counts are null");
     const espalier::SchurInertia i = factorized(s).inertia();
-    const auto put = [](const espalier::Inertia& from, std::int64_t* to) {
+    const auto copy_counts = [](const espalier::Inertia& from, std::int64_t* to) {
       to[0] = from.positive;
       to[1] = from.negative;
       to[2] = from.zero;
     };
-    put(i.rest, rest);
-    put(i.complement, complement);
+    copy_counts(i.rest, rest);
+    copy_counts(i.complement, complement);
     return i.status;
   });
 }

@@ -28,10 +28,10 @@ class Folding {
       for (Offset q = c < matrix_.n() ? a_.col_ptr[c] : 0; c < matrix_.n() && q < a_.col_ptr[c + 1]; ++q) {
         const Index r = a_.row_ind[q];
         diagonal = diagonal || r == c;
-        put(r, r == c && !matrix_.alive(c) ? scale(c) : kept(r, c) ? values[at(q)] : 0);
+        add_entry(r, r == c && !matrix_.alive(c) ? scale(c) : kept(r, c) ? values[at(q)] : 0);
       }
-      if (c < matrix_.n() && !diagonal && !matrix_.alive(c)) put(c, scale(c));
-      for (const auto& [row, value] : more_[at(c)]) put(row, value);
+      if (c < matrix_.n() && !diagonal && !matrix_.alive(c)) add_entry(c, scale(c));
+      for (const auto& [row, value] : more_[at(c)]) add_entry(row, value);
       folded_.col_ptr.push_back(static_cast<Offset>(folded_.row_ind.size()));
     }
     // As the caller gave it, so that its pattern is known.
@@ -42,7 +42,7 @@ class Folding {
 
  private:
   [[nodiscard]] bool kept(Index r, Index c) const { return matrix_.alive(r) && matrix_.alive(c); }
-  void put(Index row, double value) {
+  void add_entry(Index row, double value) {
     folded_.row_ind.push_back(row);
     folded_.values.push_back(value);
   }

@@ -31,7 +31,7 @@ class Factory;
 }
 
 namespace espalier::ranks {
-class Link;
+class Communicator;
 }
 
 namespace espalier::device {
@@ -93,7 +93,7 @@ struct Job {
   std::vector<int> devices = {0};         ///< numbers of the devices, as many as the plan is for
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
   /// Ranks that share the plan (PlanOptions::ranks); null: this process alone. All of them make the executor.
-  ranks::Link* link = nullptr;
+  ranks::Communicator* link = nullptr;
   /// Of a real form of a complex system (solver/analysis/real_form.hpp): 1, of a Hermitian one -1; else 0. For backends
   /// that can make one column of a number's two from the other.
   int pair_sign = 0;

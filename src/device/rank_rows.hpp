@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "plan/plan.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "ranks/message.hpp"
 
 namespace espalier::device {
@@ -34,7 +34,7 @@ class RankRows {
 
   /// Collective: everybody gets all of it. @param x  n x columns, row-major
   template <class T>
-  void share(ranks::Link& link, T* x, Index columns) const {
+  void share(ranks::Communicator& link, T* x, Index columns) const {
     const auto place = [&](const std::pair<Index, Index>& p) {
       return std::pair(x + Offset{p.first} * columns, static_cast<std::size_t>(Offset{p.second - p.first} * columns));
     };

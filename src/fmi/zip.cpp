@@ -17,7 +17,7 @@ constexpr std::uint32_t kLocal = 0x04034b50, kCentral = 0x02014b50, kEnd = 0x060
 constexpr std::size_t kLocalSize = 30, kCentralSize = 46, kEndSize = 22;
 constexpr std::uint32_t kStored = 0, kDeflated = 8;
 
-void put(std::string& out, std::uint64_t value, int bytes) {
+void append(std::string& out, std::uint64_t value, int bytes) {
   for (int k = 0; k < bytes; ++k) out += static_cast<char>(value >> (8 * k) & 0xff);
 }
 
@@ -52,15 +52,15 @@ std::string deflated(std::string_view bytes) {
 /// The common part of both headers, from "version needed" to the length of the name.
 std::string header(const ZipMember& member, const std::string& packed, std::uint32_t method) {
   std::string out;
-  put(out, 20, 2);       // needs version 2.0
-  put(out, 1 << 11, 2);  // the name is UTF-8
-  put(out, method, 2);
-  put(out, 0, 2);       // at midnight
-  put(out, 0x0021, 2);  // of 1 January 1980: the same archive at any time
-  put(out, checksum_of(member.bytes), 4);
-  put(out, packed.size(), 4);
-  put(out, member.bytes.size(), 4);
-  put(out, member.name.size(), 2);
+  append(out, 20, 2);       // needs version 2.0
+  append(out, 1 << 11, 2);  // the name is UTF-8
+  append(out, method, 2);
+  append(out, 0, 2);       // at midnight
+  append(out, 0x0021, 2);  // of 1 January 1980: the same archive at any time
+  append(out, checksum_of(member.bytes), 4);
+  append(out, packed.size(), 4);
+  append(out, member.bytes.size(), 4);
+  append(out, member.name.size(), 2);
   return out;
 }
 
@@ -87,20 +87,20 @@ std::string make_zip(const std::vector<ZipMember>& members) {
     const bool smaller = packed.size() < member.bytes.size();
     if (!smaller) packed = member.bytes;
     const std::string common = header(member, packed, smaller ? kDeflated : kStored);
-    put(directory, kCentral, 4);
-    put(directory, 3 << 8 | 20, 2);  // made on Unix, version 2.0
+    append(directory, kCentral, 4);
+    append(directory, 3 << 8 | 20, 2);  // made on Unix, version 2.0
     directory += common;
-    put(directory, 0, 2);  // no extra field
-    put(directory, 0, 2);  // no comment
-    put(directory, 0, 2);  // first disk
-    put(directory, 0, 2);  // binary
+    append(directory, 0, 2);  // no extra field
+    append(directory, 0, 2);  // no comment
+    append(directory, 0, 2);  // first disk
+    append(directory, 0, 2);  // binary
     const bool program = member.name.ends_with(".so");
-    put(directory, static_cast<std::uint64_t>(program ? 0100755 : 0100644) << 16, 4);
-    put(directory, out.size(), 4);
+    append(directory, static_cast<std::uint64_t>(program ? 0100755 : 0100644) << 16, 4);
+    append(directory, out.size(), 4);
     directory += member.name;
-    put(out, kLocal, 4);
+    append(out, kLocal, 4);
     out += common;
-    put(out, 0, 2);
+    append(out, 0, 2);
     out += member.name;
     out += packed;
   }
@@ -108,13 +108,13 @@ std::string make_zip(const std::vector<ZipMember>& members) {
     throw Error(StatusCode::invalid_input, "the archive would be larger than 4 GB, or have more than 65535 files");
   const std::size_t begin = out.size();
   out += directory;
-  put(out, kEnd, 4);
-  put(out, 0, 4);  // disks
-  put(out, members.size(), 2);
-  put(out, members.size(), 2);
-  put(out, directory.size(), 4);
-  put(out, begin, 4);
-  put(out, 0, 2);  // no comment
+  append(out, kEnd, 4);
+  append(out, 0, 4);  // disks
+  append(out, members.size(), 2);
+  append(out, members.size(), 2);
+  append(out, directory.size(), 4);
+  append(out, begin, 4);
+  append(out, 0, 2);  // no comment
   return out;
 }
 

@@ -107,21 +107,21 @@ double DynamicStiffness::norm(double w) const {
   return most;
 }
 
-const std::vector<double>& DynamicStiffness::values(Part which) const {
-  return which == Part::stiffness ? pattern_.values : which == Part::damping ? c_ : which == Part::mass ? m_ : h_;
+const std::vector<double>& DynamicStiffness::values(Matrix which) const {
+  return which == Matrix::stiffness ? pattern_.values : which == Matrix::damping ? c_ : which == Matrix::mass ? m_ : h_;
 }
 
-MatrixView DynamicStiffness::part(Part which) const {
+MatrixView DynamicStiffness::part(Matrix which) const {
   return {pattern_.rows, pattern_.cols, pattern_.col_ptr, pattern_.row_ind, values(which), pattern_.storage};
 }
 
-void DynamicStiffness::product(Part which, const double* x, double* y) const {
+void DynamicStiffness::product(Matrix which, const double* x, double* y) const {
   const std::vector<double>& a = values(which);
   std::fill(y, y + n(), 0.0);
   each([&](Index i, Index j, std::size_t p) { y[i] += a[p] * x[j]; });
 }
 
-SparseMatrix DynamicStiffness::symmetric_part(Part which) const {
+SparseMatrix DynamicStiffness::symmetric_part(Matrix which) const {
   const MatrixView own = part(which);
   SparseMatrix out;
   if (symmetric()) {

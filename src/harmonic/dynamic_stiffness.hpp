@@ -32,17 +32,17 @@ class DynamicStiffness {
   /// The largest row sum of |K| + w |C| + w^2 |M|.
   [[nodiscard]] double norm(double w) const;
 
-  enum class Part { stiffness, damping, mass, structural };
+  enum class Matrix { stiffness, damping, mass, structural };
   [[nodiscard]] bool structural() const { return !h_.empty(); }
   /// One of the real matrices, in the pattern of all; the last one where there is structural().
-  [[nodiscard]] MatrixView part(Part which) const;
+  [[nodiscard]] MatrixView part(Matrix which) const;
   /// y = A x of one of them.
-  void product(Part which, const double* x, double* y) const;
+  void product(Matrix which, const double* x, double* y) const;
   /// The symmetric part, as a lower triangle.
-  [[nodiscard]] SparseMatrix symmetric_part(Part which) const;
+  [[nodiscard]] SparseMatrix symmetric_part(Matrix which) const;
 
  private:
-  [[nodiscard]] const std::vector<double>& values(Part which) const;
+  [[nodiscard]] const std::vector<double>& values(Matrix which) const;
   template <class Use>
   void each(const Use& use) const;
 

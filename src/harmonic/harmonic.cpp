@@ -97,7 +97,7 @@ void check_room(const HarmonicResult& r, std::size_t points, Offset limit) {
 
 class Run {
  public:
-  Run(std::span<const Complex> loads, const HarmonicOptions& options, modes::Workshop& shop, HarmonicResult& result,
+  Run(std::span<const Complex> loads, const HarmonicOptions& options, modes::Resources& shop, HarmonicResult& result,
       const harmonic::DynamicStiffness& z, std::vector<double> wanted, harmonic::Observer& observer)
       : loads_(loads),
         options_(options),
@@ -121,7 +121,7 @@ class Run {
     }
   }
 
-  void interpolate(modes::Workshop& shop) {
+  void interpolate(modes::Resources& shop) {
     const double from = wanted_.front(), to = wanted_.back();
     if (!(to > from)) refuse("a tolerance needs a range of frequencies, and one alone is given");
     harmonic::Adaptive adaptive(sweep_, options_, result_, from, to, z_.damped());
@@ -189,7 +189,7 @@ HarmonicResult respond(const MatrixView& k, const MatrixView& c, const MatrixVie
                        const MatrixView& structural) {
   HarmonicResult result;
   const base::Stopwatch watch(result.seconds.total);
-  modes::Workshop shop(options.solver);
+  modes::Resources shop(options.solver);
   result.status = modes::guarded(shop, [&] {
     std::vector<double> wanted = wanted_frequencies(options);
     check_options(options, k.rows);

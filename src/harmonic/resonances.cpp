@@ -14,12 +14,12 @@ namespace {
 
 using Eigen::MatrixXcd;
 using Eigen::MatrixXd;
-using Part = DynamicStiffness::Part;
+using Matrix = DynamicStiffness::Matrix;
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 constexpr double kSharpest = 1e-9;  // half width of a mode without damping, over its frequency
 
-MatrixXd projected(const DynamicStiffness& z, Part part, const Eigen::Map<const MatrixXd>& x) {
+MatrixXd projected(const DynamicStiffness& z, Matrix part, const Eigen::Map<const MatrixXd>& x) {
   MatrixXd ax(x.rows(), x.cols());
   for (Eigen::Index c = 0; c < x.cols(); ++c) z.product(part, x.col(c).data(), ax.col(c).data());
   return dense::transposed_times(x, ax);
@@ -55,7 +55,7 @@ Resonances find_resonances(const DynamicStiffness& z, std::span<const Complex> l
   ModesOptions o;
   o.below = std::pow(kTwoPi * to, 2);
   o.solver = options.solver;
-  const ModesResult found = find_modes(z.symmetric_part(Part::stiffness), z.symmetric_part(Part::mass), o);
+  const ModesResult found = find_modes(z.symmetric_part(Matrix::stiffness), z.symmetric_part(Matrix::mass), o);
   const StatusCode code = found.status.code;
   if (code == StatusCode::out_of_memory || code == StatusCode::device_error || code == StatusCode::cancelled)
     throw Error(found.status);
@@ -65,9 +65,9 @@ Resonances find_resonances(const DynamicStiffness& z, std::span<const Complex> l
                                         : "the matrices are not symmetric: modes of their symmetric parts are a guide";
   if (found.count() == 0) return out;
   const Eigen::Map<const MatrixXd> x(found.vectors.data(), found.n, found.count());
-  MatrixXcd k = projected(z, Part::stiffness, x) * Complex(1, z.loss_factor());
-  if (z.structural()) k += projected(z, Part::structural, x) * Complex(0, 1);
-  const Damped modes = damped_modes(k, projected(z, Part::damping, x), projected(z, Part::mass, x));
+  MatrixXcd k = projected(z, Matrix::stiffness, x) * Complex(1, z.loss_factor());
+  if (z.structural()) k += projected(z, Matrix::structural, x) * Complex(0, 1);
+  const Damped modes = damped_modes(k, projected(z, Matrix::damping, x), projected(z, Matrix::mass, x));
   const Eigen::Map<const MatrixXcd> f(loads.data(), found.n, columns);
   MatrixXcd observed(static_cast<Eigen::Index>(sweep.observed()), x.cols());
   for (Eigen::Index j = 0; j < x.cols(); ++j) {

@@ -9,12 +9,12 @@
 namespace espalier::harmonic {
 
 Sweep::Sweep(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-             modes::Workshop& shop, HarmonicResult& result, Observer& observer)
+             modes::Resources& shop, HarmonicResult& result, Observer& observer)
     : n_(z.n()),
       columns_(columns),
       result_(result),
       observer_(observer),
-      lanes_(z, loads, columns, options, shop, result) {}
+      teams_(z, loads, columns, options, shop, result) {}
 
 Solved Sweep::judged(double frequency, Answer answer, bool keep) {
   constexpr double kUndetermined = 1e-3;
@@ -55,7 +55,7 @@ std::vector<Solved> Sweep::solve(std::span<const double> frequencies, const std:
   const std::size_t most = at_a_time();
   for (std::size_t begin = 0; begin < frequencies.size(); begin += most) {
     const auto some = frequencies.subspan(begin, std::min(most, frequencies.size() - begin));
-    std::vector<Answer> answers = lanes_.solve(some);
+    std::vector<Answer> answers = teams_.solve(some);
     for (std::size_t i = 0; i < some.size(); ++i)
       out.push_back(judged(some[i], std::move(answers[i]), keep[begin + i] != 0));
   }

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "espalier/harmonic.hpp"
-#include "harmonic/lanes.hpp"
 #include "harmonic/observer.hpp"
+#include "harmonic/teams.hpp"
 
 namespace espalier::harmonic {
 
@@ -21,7 +21,7 @@ class Sweep {
  public:
   /// All outlive the object.
   Sweep(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-        modes::Workshop& shop, HarmonicResult& result, Observer& observer);
+        modes::Resources& shop, HarmonicResult& result, Observer& observer);
   /// In the order of the frequencies. @param keep  whether all unknowns go into result.shapes, of each frequency
   /// @throws Error where memory or devices fail, the caller interrupts, or Z has no analysis
   std::vector<Solved> solve(std::span<const double> frequencies, const std::vector<char>& keep);
@@ -30,8 +30,8 @@ class Sweep {
   [[nodiscard]] std::size_t observed() const { return static_cast<std::size_t>(observer_.outputs()); }
   [[nodiscard]] Observer& observer() const { return observer_; }
   [[nodiscard]] Index columns() const { return columns_; }
-  /// See Lanes.
-  [[nodiscard]] std::size_t at_a_time() const { return lanes_.at_a_time(); }
+  /// See Teams.
+  [[nodiscard]] std::size_t at_a_time() const { return teams_.at_a_time(); }
 
  private:
   Solved judged(double frequency, Answer answer, bool keep);
@@ -39,7 +39,7 @@ class Sweep {
   Index n_, columns_;
   HarmonicResult& result_;
   Observer& observer_;
-  Lanes lanes_;
+  Teams teams_;
 };
 
 }  // namespace espalier::harmonic

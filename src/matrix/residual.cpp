@@ -58,13 +58,13 @@ constexpr auto sweep_fused = sweep_portable;  // the build's own instruction set
 bool has_fused() { return false; }
 #endif
 
-struct Shape {
+struct Extents {
   std::size_t rows, cols, columns;
 };
 
-Shape check(const MatrixView& a, std::span<const double> x, std::span<const double> b, Index columns, Transpose t) {
-  const Shape s{static_cast<std::size_t>(rows_of(a, t)), static_cast<std::size_t>(cols_of(a, t)),
-                static_cast<std::size_t>(columns)};
+Extents check(const MatrixView& a, std::span<const double> x, std::span<const double> b, Index columns, Transpose t) {
+  const Extents s{static_cast<std::size_t>(rows_of(a, t)), static_cast<std::size_t>(cols_of(a, t)),
+                  static_cast<std::size_t>(columns)};
   if (columns < 0 || x.size() != s.cols * s.columns || b.size() != s.rows * s.columns)
     throw std::invalid_argument(fmt::format("residual: op(A) is {} x {}, {} vectors: x has {} numbers, b {}", s.rows,
                                             s.cols, columns, x.size(), b.size()));
@@ -103,7 +103,7 @@ void take_worst(std::span<const double> r, std::span<const double> bound, Backwa
 
 void residual(const MatrixView& a, std::span<const double> x, std::span<const double> b, std::span<double> r,
               Index columns, Transpose transpose, base::ThreadPool* pool) {
-  const Shape s = check(a, x, b, columns, transpose);
+  const Extents s = check(a, x, b, columns, transpose);
   if (r.size() != b.size()) throw std::invalid_argument("residual: r and b differ in length");
   const auto sweep = has_fused() ? sweep_fused : sweep_portable;
   for (std::size_t c = 0; c < s.columns; ++c) {
@@ -121,7 +121,7 @@ void residual(const MatrixView& a, std::span<const double> x, std::span<const do
 
 BackwardErrors backward_errors(const MatrixView& a, std::span<const double> x, std::span<const double> b, Index columns,
                                Transpose transpose, base::ThreadPool* pool) {
-  const Shape s = check(a, x, b, columns, transpose);
+  const Extents s = check(a, x, b, columns, transpose);
   std::vector<double> r(b.size()), bound(s.rows);
   residual(a, x, b, r, columns, transpose, pool);
   const double norm = transpose == Transpose::no ? norm_inf(a, pool) : norm_one(a, pool);

@@ -86,7 +86,7 @@ SparseMatrix expand_lower(const MatrixView& l, double sign) {
   SparseMatrix b = empty_like(l, col_ptr.back(), l.rows, l.cols, Storage::general);
   b.col_ptr = std::move(col_ptr);
   std::vector<Offset> next(b.col_ptr.begin(), b.col_ptr.end() - 1);
-  const auto put = [&](Index i, Index j, Offset from, double factor) {
+  const auto add_entry = [&](Index i, Index j, Offset from, double factor) {
     const Offset q = next[at(j)]++;
     b.row_ind[at(q)] = i;
     if (!l.values.empty()) b.values[at(q)] = factor * l.values[at(from)];
@@ -95,8 +95,8 @@ SparseMatrix expand_lower(const MatrixView& l, double sign) {
   for (Index j = 0; j < l.cols; ++j)
     for (Offset p = l.col_ptr[at(j)]; p < l.col_ptr[at(j) + 1]; ++p) {
       const Index i = l.row_ind[at(p)];
-      put(i, j, p, 1.0);
-      if (i != j) put(j, i, p, sign);
+      add_entry(i, j, p, 1.0);
+      if (i != j) add_entry(j, i, p, sign);
     }
   return b;
 }

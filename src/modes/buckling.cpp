@@ -38,7 +38,7 @@ SparseMatrix without_constraints(const SparseMatrix& k, const SparseMatrix& kg) 
 
 }  // namespace
 
-BucklingSearch::BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptions& options, Workshop& shop,
+BucklingSearch::BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptions& options, Resources& shop,
                                ModesResult& result)
     : options_(options),
       shop_(shop),

@@ -11,7 +11,7 @@ namespace espalier::modes {
 
 class BucklingSearch {
  public:
-  BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptions& options, Workshop& shop, ModesResult& result);
+  BucklingSearch(SparseMatrix k, SparseMatrix kg, const ModesOptions& options, Resources& shop, ModesResult& result);
   /// @throws Error where nothing can be found; what was found when it gives up is in the result all the same
   void run();
   /// What was found goes into the result, with its residuals.
@@ -25,7 +25,7 @@ class BucklingSearch {
   [[nodiscard]] double gap_after_wanted() const;
 
   const ModesOptions& options_;
-  Workshop& shop_;
+  Resources& shop_;
   ModesResult& result_;
   base::Stage stage_{"modes", 0, "load factors"};
   Pencil pencil_;

@@ -148,7 +148,7 @@ class Spectrum {
     constexpr double kResolved = 1e3, kNear = 1e-2, kBeyondEntries = 10;
     double distance = pencil_.largest();
     for (bool lower = true; lower;) {
-      look(-distance);
+      add_slice(-distance);
       double least = distance;
       const ShiftedPencil::Slice& s = slices_.back();
       const MatrixXd x = pencil_.shapes(s.vectors);
@@ -167,7 +167,7 @@ class Spectrum {
   void ascend(Eigen::Index count) {
     constexpr double kGood = 1e-12;
     for (Eigen::Index i = 0; i < std::min(count, values_.size()); ++i)
-      if (values_[i] > noise_ && errors_[i] > kGood * values_[i]) look(gap_near(i));
+      if (values_[i] > noise_ && errors_[i] > kGood * values_[i]) add_slice(gap_near(i));
   }
 
   [[nodiscard]] DenseModes modes() const {
@@ -178,7 +178,7 @@ class Spectrum {
   }
 
  private:
-  void look(double shift) {
+  void add_slice(double shift) {
     ShiftedPencil::Slice s = pencil_.slice(shift, values_);
     for (int attempt = 0; s.errors.size() == 0 && attempt < 3; ++attempt) s = pencil_.slice(shift *= 1 + 1e-3, values_);
     if (s.errors.size() == 0)

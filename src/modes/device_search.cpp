@@ -15,11 +15,11 @@ enum Slot : Index { kBasis, kImage, kDiagonal };
 
 }  // namespace
 
-DeviceSearch::DeviceSearch(std::unique_ptr<device::TallSpace> space, Workshop& shop)
+DeviceSearch::DeviceSearch(std::unique_ptr<device::TallSpace> space, Resources& shop)
     : space_(std::move(space)), shop_(shop), blocks_(*space_, shop.pool) {}
 
 std::unique_ptr<DeviceSearch> DeviceSearch::make(Pencil& pencil, const Product& mass,
-                                                 const std::vector<double>& diagonal, Workshop& shop,
+                                                 const std::vector<double>& diagonal, Resources& shop,
                                                  ModesResult& result) {
   if (pencil.gpu() < 0) return nullptr;
   const Options& options = shop.options;

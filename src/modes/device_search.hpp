@@ -9,7 +9,7 @@
 #include "modes/lanczos.hpp"
 #include "modes/pencil.hpp"
 #include "modes/product.hpp"
-#include "modes/workshop.hpp"
+#include "modes/resources.hpp"
 
 namespace espalier::modes {
 
@@ -18,7 +18,7 @@ class DeviceSearch {
   /// @returns null where the factor of the pencil is not on a GPU, or the GPU has no room for M; the log says so
   /// @param diagonal  of M
   static std::unique_ptr<DeviceSearch> make(Pencil& pencil, const Product& mass, const std::vector<double>& diagonal,
-                                            Workshop& shop, ModesResult& result);
+                                            Resources& shop, ModesResult& result);
 
   /// Room for a basis of `most` columns, or of fewer where memory lacks, but at least `least`; nothing where that is
   /// too much as well. Workspaces of before end.
@@ -29,10 +29,10 @@ class DeviceSearch {
   void fetch(double* v, const Dense& s, double* to);
 
  private:
-  DeviceSearch(std::unique_ptr<device::TallSpace> space, Workshop& shop);
+  DeviceSearch(std::unique_ptr<device::TallSpace> space, Resources& shop);
 
   std::unique_ptr<device::TallSpace> space_;
-  Workshop& shop_;
+  Resources& shop_;
   DeviceBlocks blocks_;
   SpectralOperator op_;
 };

@@ -90,7 +90,7 @@ void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& re
 }
 
 void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full, const Product& m_full,
-             bool inner_is_k, Workshop& shop, ModesResult& result) {
+             bool inner_is_k, Resources& shop, ModesResult& result) {
   const Index n = result.n, count = result.count();
   const double k_norm = matrix::norm_inf(k, &shop.pool), m_norm = matrix::norm_inf(m, &shop.pool);
   Tall kx(n, std::min(count, kHarvestColumns), &shop.budget), mx(n, std::min(count, kHarvestColumns), &shop.budget);

@@ -8,7 +8,7 @@
 #include "modes/lanczos.hpp"
 #include "modes/pencil.hpp"
 #include "modes/product.hpp"
-#include "modes/workshop.hpp"
+#include "modes/resources.hpp"
 
 namespace espalier::modes {
 
@@ -43,6 +43,6 @@ void note_costs(const Pencil& pencil, const LanczosClock& clock, ModesResult& re
 /// @throws Error(accuracy_not_reached) then, after all are in the result
 /// @param k_full, m_full  of these matrices
 void examine(const SparseMatrix& k, const SparseMatrix& m, const Product& k_full, const Product& m_full,
-             bool inner_is_k, Workshop& shop, ModesResult& result);
+             bool inner_is_k, Resources& shop, ModesResult& result);
 
 }  // namespace espalier::modes

@@ -17,7 +17,7 @@ template <class Search>
 ModesResult found_by(const MatrixView& k, const MatrixView& m, const char* second, const ModesOptions& options) {
   ModesResult result;
   const base::Stopwatch watch(result.seconds.total);
-  modes::Workshop shop(options.solver);
+  modes::Resources shop(options.solver);
   std::optional<Search> search;
   result.status = modes::guarded(shop, [&] {
     modes::check_options(options);

@@ -58,7 +58,7 @@ double shift_below_zero(const SparseMatrix& k, const SparseMatrix& m) {
 }  // namespace
 
 QuadraticSearch::QuadraticSearch(const MatrixView& k, const MatrixView& c, const MatrixView& m,
-                                 const QuadraticModesOptions& options, Workshop& shop, QuadraticModesResult& result)
+                                 const QuadraticModesOptions& options, Resources& shop, QuadraticModesResult& result)
     : options_(options),
       shop_(shop),
       result_(result),
@@ -197,7 +197,7 @@ void QuadraticSearch::take_all() {
                     result_.count(), options_.count, all.unseen));
 }
 
-bool QuadraticSearch::look(bool last) {
+bool QuadraticSearch::extract_ritz_pairs(bool last) {
   const dense::ComplexSpectrum eigen = dense::general_eigen(Eigen::MatrixXd(h_.topLeftCorner(size_, size_)));
   if (!eigen.converged) throw Error(StatusCode::accuracy_not_reached, "the QR algorithm did not converge");
   const VectorXcd& theta = eigen.values;
@@ -238,7 +238,7 @@ void QuadraticSearch::search() {
   for (Eigen::Index columns = 2 * options_.count + 20; !found; columns += columns / 2) {
     columns = std::max<Eigen::Index>(1, std::min(columns, most));
     grows = expand(columns);
-    found = look(!grows || columns == most);
+    found = extract_ritz_pairs(!grows || columns == most);
     if (!grows || columns == most) break;
   }
   if (!found && grows)
@@ -264,7 +264,7 @@ namespace espalier {
 QuadraticModesResult find_quadratic_modes(const MatrixView& k, const MatrixView& c, const MatrixView& m,
                                           const QuadraticModesOptions& options) {
   QuadraticModesResult result;
-  modes::Workshop shop(options.solver);
+  modes::Resources shop(options.solver);
   result.status = modes::guarded(shop, [&] { modes::QuadraticSearch(k, c, m, options, shop, result).run(); });
   return result;
 }

@@ -8,7 +8,7 @@
 
 #include "base/stage.hpp"
 #include "espalier/modes.hpp"
-#include "modes/workshop.hpp"
+#include "modes/resources.hpp"
 
 namespace espalier::modes {
 
@@ -19,7 +19,7 @@ namespace espalier::modes {
 class QuadraticSearch {
  public:
   QuadraticSearch(const MatrixView& k, const MatrixView& c, const MatrixView& m, const QuadraticModesOptions& options,
-                  Workshop& shop, QuadraticModesResult& result);
+                  Resources& shop, QuadraticModesResult& result);
   void run();
 
  private:
@@ -30,7 +30,7 @@ class QuadraticSearch {
   bool expand(Eigen::Index columns);
   void begin();
   /// The Ritz pairs nearest to the shift; true: all wanted ones have converged.
-  bool look(bool last);
+  bool extract_ritz_pairs(bool last);
   void search();
   void take_all();  ///< by the dense method: a few rows
   /// One more result, of length one.
@@ -39,7 +39,7 @@ class QuadraticSearch {
   [[nodiscard]] double residual(std::complex<double> l, const Eigen::VectorXcd& x) const;
 
   const QuadraticModesOptions& options_;
-  Workshop& shop_;
+  Resources& shop_;
   QuadraticModesResult& result_;
   base::Stage stage_{"modes", 0, "modes"};
   SparseMatrix k_, c_, m_;  // general, both triangles

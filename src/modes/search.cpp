@@ -24,7 +24,7 @@ constexpr double kNoMode = 1e-6, kOfRounding = 1e2 * std::numeric_limits<double>
 
 }  // namespace
 
-Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Workshop& shop, ModesResult& result)
+Search::Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Resources& shop, ModesResult& result)
     : options_(options),
       shop_(shop),
       result_(result),

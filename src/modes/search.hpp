@@ -20,7 +20,7 @@ namespace espalier::modes {
 
 class Search {
  public:
-  Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Workshop& shop, ModesResult& result);
+  Search(SparseMatrix k, SparseMatrix m, const ModesOptions& options, Resources& shop, ModesResult& result);
   /// @throws Error where nothing can be found; what was found when it gives up is in the result all the same
   void run();
   /// What was found goes into the result, with its residuals.
@@ -73,7 +73,7 @@ class Search {
   void say_complete();
 
   const ModesOptions& options_;
-  Workshop& shop_;
+  Resources& shop_;
   ModesResult& result_;
   base::Stage stage_{"modes", 0, "modes"};
   Pencil pencil_;

@@ -34,8 +34,8 @@ double random_at(std::uint64_t place) {
 }
 
 // The sum of part(begin, end) over all ranges of rows: few partial sums, each of some ranges.
-template <class Part>
-Dense sum_of_ranges(base::ThreadPool& pool, Index n, Index rows, Index cols, const Part& part) {
+template <class AddRange>
+Dense sum_of_ranges(base::ThreadPool& pool, Index n, Index rows, Index cols, const AddRange& part) {
   constexpr std::int64_t kMostSums = 16;
   const std::int64_t ranges = (n + kTallRows - 1) / kTallRows;
   const std::int64_t each = std::max<std::int64_t>(1, (ranges + kMostSums - 1) / kMostSums);

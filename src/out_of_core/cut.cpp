@@ -31,7 +31,7 @@ class Cutter {
   }
 
  private:
-  struct Part {
+  struct SubtreeBytes {
     Offset fixed = 0;  // bytes of factors and tables
     Offset live = 0;   // bytes of contributions that exist at one time, tier by tier
     [[nodiscard]] Offset bytes() const { return fixed + live + live / 8; }
@@ -61,7 +61,7 @@ class Cutter {
 
   void take_front(Index f) {
     const Offset limit = cut_.limit_bytes[device_of(f)];
-    Part own;
+    SubtreeBytes own;
     own.fixed = layout_.share_bytes(f) + layout_.sizes().factor[f] * layout_.element_bytes() *
                                              (plan_.options.unsymmetric || plan_.options.ldlt ? 2 : 1);
     Offset together = contribution(f);
@@ -141,8 +141,8 @@ class Cutter {
   const plan::Plan& plan_;
   const TreeCut& cut_;
   Index fronts_;
-  std::vector<Part> part_;    // fronts: what is eliminated together with the front
-  std::vector<char> closed_;  // fronts; 1: its parent is in another unit
+  std::vector<SubtreeBytes> part_;  // fronts: what is eliminated together with the front
+  std::vector<char> closed_;        // fronts; 1: its parent is in another unit
   std::vector<char> large_;
   std::vector<char> in_range_;  // fronts; 1: inside a range task, and not its last front
 };

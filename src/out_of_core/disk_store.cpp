@@ -331,13 +331,13 @@ void DiskStore::write_block(Lock& lock, Offset b) {
 void DiskStore::need_part(std::size_t part) {
   Lock lock(mutex_);
   const StoreRange& r = parts_[part];
-  const auto there = [&] {
+  const auto is_in_memory = [&] {
     if (part_state_[part] == 0) return false;
     for (Offset b = first_block(r); b < end_block(r); ++b)
       if (block(b).state != State::in_memory) return false;
     return true;
   };
-  while (!there()) wait(lock);
+  while (!is_in_memory()) wait(lock);
 }
 
 void DiskStore::release_part(std::size_t part) {

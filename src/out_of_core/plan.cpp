@@ -29,7 +29,7 @@ class Candidates {
   }
 
   // The plans of this shape, or none.
-  bool make(const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, Plans& plans) {
+  bool make(const std::vector<OutOfCoreDevice>& devices, const PlanParameters& shape, Plans& plans) {
     std::vector<Offset> limits;
     for (const OutOfCoreDevice& d : devices)
       limits.push_back(static_cast<Offset>(shape.step * static_cast<double>(d.budget_bytes)));
@@ -55,7 +55,7 @@ class Candidates {
     std::vector<InCoreStep> steps;
   };
 
-  Plans write(const Cut& cut, const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape) {
+  Plans write(const Cut& cut, const std::vector<OutOfCoreDevice>& devices, const PlanParameters& shape) {
     Program program(layout_, cut.units, cut.steps, devices, shape, rates_, pool_);
     StepProgrammer steps(program);
     FrontProgrammer fronts(program);
@@ -80,7 +80,7 @@ class Candidates {
 // What takes the least memory, for budgets near the floor.
 bool make_frugal(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, Plans& plans) {
   for (const double step : {0.5, 0.25, 0.1, 0.03}) {
-    PlanShape shape;
+    PlanParameters shape;
     shape.step = step;
     shape.group = 0.3;
     shape.chunks = 1;
@@ -96,7 +96,7 @@ double seconds_of(const Plans& plans) { return plans.front().predicted_seconds +
 // Factors that stay on the device spare the link and the host, but leave less room for steps and groups. Tries how much
 // of the budget they may take, with steps and groups that are smaller by as much, or by half of that again.
 void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates,
-                  const PlanShape& shape, Plans& best) {
+                  const PlanParameters& shape, Plans& best) {
   Plans plans;
   // Predictions are some per cent off: what gains less is not worth smaller steps.
   constexpr double kGain = 0.98;
@@ -105,7 +105,7 @@ void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& de
     candidates.forget();
     for (const double step : {1.0, 0.5})
       for (const double group : {1.0, 0.5}) {
-        PlanShape candidate = shape;
+        PlanParameters candidate = shape;
         candidate.resident = candidate_share;
         candidate.step *= step * (1 - candidate_share);
         candidate.group *= group * (1 - candidate_share);
@@ -135,8 +135,8 @@ void keep_factors(Candidates& candidates, const std::vector<OutOfCoreDevice>& de
 // best of them, what matters less.
 Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& devices, const PlanningRates& rates) {
   Plans best, plans;
-  PlanShape shape;
-  const auto try_shape = [&](const PlanShape& candidate) {
+  PlanParameters shape;
+  const auto try_shape = [&](const PlanParameters& candidate) {
     if (!candidates.make(devices, candidate, plans)) return false;
     if (best.empty() || plans.front().predicted_seconds < best.front().predicted_seconds) {
       best = std::move(plans);
@@ -148,21 +148,21 @@ Plans fastest(Candidates& candidates, const std::vector<OutOfCoreDevice>& device
   for (const double step : {0.4, 0.3, 0.2, 0.1, 0.05})
     for (const double group : {0.45, 0.3, 0.2, 0.13, 0.09, 0.06}) {
       if ((rates.step > 0 && rates.step != step) || (rates.group > 0 && rates.group != group)) continue;
-      PlanShape candidate{step, group, turns, 3, 1.0 / 32, false, rates.lanes, true};
+      PlanParameters candidate{step, group, turns, 3, 1.0 / 32, false, rates.lanes, true};
       if (try_shape(candidate)) continue;
       candidate.around = false;
       (void)try_shape(candidate);
     }
   if (best.empty()) return best;
   const auto with = [&](auto change) {
-    PlanShape candidate = shape;
+    PlanParameters candidate = shape;
     change(candidate);
     (void)try_shape(candidate);
   };
-  with([](PlanShape& x) { x.around = !x.around; });
-  for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](PlanShape& x) { x.chunk = chunk; });
+  with([](PlanParameters& x) { x.around = !x.around; });
+  for (const double chunk : {1.0 / 64, 1.0 / 16}) with([&](PlanParameters& x) { x.chunk = chunk; });
   if (devices.size() > 1)
-    for (const int t : {1, 4}) with([&](PlanShape& x) { x.turns = t; });
+    for (const int t : {1, 4}) with([&](PlanParameters& x) { x.turns = t; });
   else if (!rates.keep_contributions)
     keep_factors(candidates, devices, rates, shape, best);
   return best;

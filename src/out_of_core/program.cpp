@@ -17,7 +17,7 @@ Program::DeviceState::DeviceState(Offset budget, double its_speed, bool around)
 
 Program::Program(const OutOfCoreLayout& the_layout, const std::vector<Unit>& the_units,
                  const std::vector<InCoreStep>& steps, const std::vector<OutOfCoreDevice>& devices,
-                 const PlanShape& the_shape, const PlanningRates& the_rates, base::ThreadPool* pool)
+                 const PlanParameters& the_shape, const PlanningRates& the_rates, base::ThreadPool* pool)
     : layout(the_layout),
       plan(the_layout.plan()),
       units(the_units),

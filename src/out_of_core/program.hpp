@@ -17,7 +17,7 @@ namespace espalier::out_of_core {
 struct NoRoom {};
 
 /// What plans are made with; the candidates differ in it.
-struct PlanShape {
+struct PlanParameters {
   double step = 0.3;    ///< bytes of an in-core step, of the device's arena
   double group = 0.4;   ///< bytes of a group, likewise
   int turns = 1;        ///< groups that each device gets of a front that several share, about
@@ -54,13 +54,13 @@ struct Access {
 class Program {
  public:
   Program(const OutOfCoreLayout& layout, const std::vector<Unit>& units, const std::vector<InCoreStep>& steps,
-          const std::vector<OutOfCoreDevice>& devices, const PlanShape& shape, const PlanningRates& rates,
+          const std::vector<OutOfCoreDevice>& devices, const PlanParameters& shape, const PlanningRates& rates,
           base::ThreadPool* pool);
 
   const OutOfCoreLayout& layout;
   const plan::Plan& plan;
   const std::vector<Unit>& units;
-  const PlanShape shape;
+  const PlanParameters shape;
   const PlanningRates rates;
   const Offset element;                             ///< bytes
   const int contribution_parts, factor_parts;       ///< arrays of a front

@@ -172,12 +172,12 @@ std::vector<NamedRate> rates_of(MachineModel& m) {
 
 namespace {
 
-struct Range {
+struct Bounds {
   double least, most;
 };
 
 // Wide enough for any machine, narrow enough that no prediction overflows.
-Range range_of(std::string_view unit) {
+Bounds range_of(std::string_view unit) {
   if (unit == kPerSecond || unit == kBytesPerSecond) return {1e3, 1e24};
   if (unit == kCount) return {1, 1e6};
   return {0, 1e6};
@@ -195,7 +195,7 @@ void set(std::vector<NamedRate>& known, std::string_view key, std::string_view v
   double number = 0;
   const char* const last = value.data() + value.size();
   const auto [end, error] = std::from_chars(value.data(), last, number);
-  const Range range = range_of(found->unit);
+  const Bounds range = range_of(found->unit);
   if (error != std::errc() || end != last || !(number >= range.least && number <= range.most))
     refuse(fmt::format("{}: '{}' is not understood; give a number from {:g} to {:g}", key, value, range.least,
                        range.most));

@@ -19,7 +19,7 @@ class RegionPlanner {
         parts_(static_cast<std::size_t>(sizes.regions)) {
     for (Index f = 0; f < plan.fronts(); ++f) {
       if (sizes.region[f] < 0) continue;
-      Part& part = parts_[static_cast<std::size_t>(sizes.region[f])];
+      Region& part = parts_[static_cast<std::size_t>(sizes.region[f])];
       local_[f] = static_cast<Index>(part.fronts.size());
       part.fronts.push_back(f);
       part.first_task = std::min(part.first_task, plan.first_task[f]);
@@ -38,14 +38,14 @@ class RegionPlanner {
   }
 
  private:
-  struct Part {
+  struct Region {
     std::vector<Index> fronts;  // ascending
     Index first_task = std::numeric_limits<Index>::max(), end_task = 0;
     MemoryPlan memory;  // fronts by their numbers in the region
   };
 
   void plan_part(Index region) {
-    Part& part = parts_[static_cast<std::size_t>(region)];
+    Region& part = parts_[static_cast<std::size_t>(region)];
     Plan light;
     ArraySizes sizes;
     take_fronts(region, light, sizes);
@@ -82,7 +82,7 @@ class RegionPlanner {
 
   // The tasks with which the fronts begin and end; a front without any (the one that stays) never begins.
   NumberedTasks take_tasks(Index region, Plan& light) const {
-    const Part& part = parts_[static_cast<std::size_t>(region)];
+    const Region& part = parts_[static_cast<std::size_t>(region)];
     light.first_task.assign(part.fronts.size() + 1, -1);
     light.last_task.assign(part.fronts.size() + 1, std::numeric_limits<Index>::max());
     NumberedTasks list;
@@ -116,7 +116,7 @@ class RegionPlanner {
     for (Index f = 0; f < plan_.fronts(); ++f) {
       all.wait_ptr[f + 1] = static_cast<Offset>(all.wait_fronts.size());
       if (sizes_.region[f] < 0) continue;
-      const Part& part = parts_[static_cast<std::size_t>(sizes_.region[f])];
+      const Region& part = parts_[static_cast<std::size_t>(sizes_.region[f])];
       const MemoryPlan& m = part.memory;
       const Index k = local_[f];
       all.factor[f] = m.factor[k];
@@ -127,7 +127,7 @@ class RegionPlanner {
         all.wait_fronts.push_back(part.fronts[static_cast<std::size_t>(m.wait_fronts[w])]);
       all.wait_ptr[f + 1] = static_cast<Offset>(all.wait_fronts.size());
     }
-    for (const Part& part : parts_) {
+    for (const Region& part : parts_) {
       all.device_size.push_back(part.memory.size);
       all.size += part.memory.size;
     }
@@ -136,8 +136,8 @@ class RegionPlanner {
 
   const Plan& plan_;
   const ArraySizes& sizes_;
-  std::vector<Index> local_;  // fronts; number in the region
-  std::vector<Part> parts_;   // regions
+  std::vector<Index> local_;   // fronts; number in the region
+  std::vector<Region> parts_;  // regions
 };
 
 }  // namespace

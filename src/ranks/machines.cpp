@@ -7,7 +7,7 @@
 
 namespace espalier::ranks {
 
-Machines Machines::agreed(Link& link) {
+Machines Machines::agreed(Communicator& link) {
   std::vector<int> mine;
   for (int r = 0; r < link.size(); ++r) mine.push_back(link.machine_of(r));
   const auto all = link.all_gather_of(std::span<const int>(mine));

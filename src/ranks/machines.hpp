@@ -5,16 +5,16 @@
 #include <cstdint>
 #include <vector>
 
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 namespace espalier::ranks {
 
-/// Link::machine_of() of all ranks, taken once: who has made memory by it keeps it, whatever Link::set_machines() says
-/// later.
+/// Communicator::machine_of() of all ranks, taken once: who has made memory by it keeps it, whatever
+/// Communicator::set_machines() says later.
 class Machines {
  public:
   /// Collective. @throws Error(invalid_input) on all ranks where two of them have different lists
-  static Machines agreed(Link& link);
+  static Machines agreed(Communicator& link);
 
   [[nodiscard]] bool are_near(int rank, int other) const { return of(rank) == of(other); }
   /// Whether all ranks are on one machine.

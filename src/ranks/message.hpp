@@ -69,7 +69,7 @@ class Writer {
  public:
   explicit Writer(std::byte* at) : at_(at) {}
   template <class T>
-  void put(const T* from, std::size_t count) {
+  void write(const T* from, std::size_t count) {
     if (count > 0) std::memcpy(at_, from, count * sizeof(T));
     at_ += count * sizeof(T);
   }

@@ -19,17 +19,17 @@ namespace espalier::ranks {
 class Packer {
  public:
   template <class T>
-  void put(const T& value) {
+  void pack(const T& value) {
     static_assert(std::is_trivially_copyable_v<T>);
     add(&value, sizeof value);
   }
   template <class T>
-  void put(const std::vector<T>& list) {
-    put(static_cast<std::uint64_t>(list.size()));
+  void pack(const std::vector<T>& list) {
+    pack(static_cast<std::uint64_t>(list.size()));
     add(list.data(), list.size() * sizeof(T));
   }
-  void put(const std::string& text) {
-    put(static_cast<std::uint64_t>(text.size()));
+  void pack(const std::string& text) {
+    pack(static_cast<std::uint64_t>(text.size()));
     add(text.data(), text.size());
   }
   [[nodiscard]] std::span<const std::byte> bytes() const { return bytes_; }

@@ -8,7 +8,7 @@
 
 #include "espalier/schur.hpp"
 #include "schur/dense.hpp"
-#include "schur/parts.hpp"
+#include "schur/partition.hpp"
 #include "solve/residual.hpp"
 #include "solver/session/session.hpp"
 
@@ -67,7 +67,7 @@ class Condensation {
   Options options_;
   bool symmetric_ = false;  // the kind of A_rr is not lu
   SparseMatrix a_;          // the caller's, for residuals
-  std::optional<Parts> parts_;
+  std::optional<Partition> parts_;
   std::unique_ptr<solver::Session> session_;  // of A_rr; null: all unknowns are listed
   AnalysisResult analysis_;
   std::optional<solve::ResidualOperator> residual_;  // of a_, when somebody asked

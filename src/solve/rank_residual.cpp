@@ -26,7 +26,7 @@ OwnRows own_rows(Index rows, int rank, int ranks) {
   return {begin(rank), begin(rank + 1)};
 }
 
-RankResidual::RankResidual(const ResidualOperator& mine, ranks::Link& link, bool shared)
+RankResidual::RankResidual(const ResidualOperator& mine, ranks::Communicator& link, bool shared)
     : mine_(mine), link_(link), shared_(shared) {}
 
 RankResidual::Range RankResidual::range_of(int rank) const {
@@ -61,19 +61,19 @@ void RankResidual::gather_all(std::span<double* const> vectors) const {
 
 void RankResidual::compute(std::span<ResidualColumn> columns, bool transpose) const {
   if (!shared_) return without_choice([&] { mine_.compute(columns, transpose); });
-  struct Part {
+  struct RankErrors {
     RowErrors errors;
     double norm = 0;
   };
   std::vector<RowErrors> errors(columns.size());
   without_choice([&] { mine_.compute_rows(columns, errors, transpose); });
-  std::vector<Part> parts;
+  std::vector<RankErrors> parts;
   for (const RowErrors& e : errors) parts.push_back({e, mine_.norm(transpose)});
-  const auto all = link_.all_gather_of(std::span<const Part>(parts));
+  const auto all = link_.all_gather_of(std::span<const RankErrors>(parts));
   std::vector<double*> residuals;
   for (std::size_t k = 0; k < columns.size(); ++k) {
-    Part whole;
-    for (const std::vector<Part>& of_rank : all) {
+    RankErrors whole;
+    for (const std::vector<RankErrors>& of_rank : all) {
       whole.errors.add(of_rank.at(k).errors);
       whole.norm = std::max(whole.norm, of_rank.at(k).norm);
     }

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solve/residual.hpp"
 
 namespace espalier::solve {
@@ -24,7 +24,7 @@ class RankResidual final : public ResidualSpace {
  public:
   /// @param mine  of own_rows(); must outlive this, with its values
   /// @param shared  false: `mine` has all rows on each rank, of a matrix that is sooner computed with than gathered
-  RankResidual(const ResidualOperator& mine, ranks::Link& link, bool shared = true);
+  RankResidual(const ResidualOperator& mine, ranks::Communicator& link, bool shared = true);
 
   /// |op(A)|_inf. Collective
   [[nodiscard]] double norm(bool transpose) const;
@@ -47,7 +47,7 @@ class RankResidual final : public ResidualSpace {
   void gather_all(std::span<double* const> vectors) const;
 
   const ResidualOperator& mine_;
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   bool shared_;
 };
 

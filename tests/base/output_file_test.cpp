@@ -26,7 +26,7 @@ class OutputFileTest : public testing::Test {
   }
   void TearDown() override { fs::remove_all(folder_); }
   [[nodiscard]] std::string at(const std::string& name) const { return (folder_ / name).string(); }
-  static void put(const std::string& path, const std::string& text) {
+  static void write(const std::string& path, const std::string& text) {
     OutputFile file(path);
     file.write(text);
     file.commit();
@@ -49,8 +49,8 @@ TEST_F(OutputFileTest, LinksAreFollowedAndStayLinks) {
   fs::create_symlink("far/there", folder_ / "link");
   fs::create_symlink("link", folder_ / "second");
   fs::create_symlink("far/new", folder_ / "dangling");
-  put(at("second"), "one");
-  put(at("dangling"), "two");
+  write(at("second"), "one");
+  write(at("dangling"), "two");
   EXPECT_EQ(get(at("far/there")), "one");
   EXPECT_EQ(get(at("far/new")), "two");
   for (const char* name : {"link", "second", "dangling"}) EXPECT_TRUE(fs::is_symlink(folder_ / name)) << name;
@@ -75,8 +75,8 @@ TEST_F(OutputFileTest, DescriptorsAreWrittenDirectlyWhereTheyStand) {
   const std::string number = std::to_string(descriptor);
   fs::create_symlink("/proc/self/fd/" + number, folder_ / "link");
   check_writable(at("link"));
-  put("/dev/fd/" + number, "one ");
-  put(at("link"), "two ");
+  write("/dev/fd/" + number, "one ");
+  write(at("link"), "two ");
   ASSERT_EQ(::write(descriptor, "after", 5), 5);
   ::close(descriptor);
   EXPECT_EQ(get(at("log")), "before one two after");
@@ -90,7 +90,7 @@ TEST_F(OutputFileTest, PipesAndDevicesAreWrittenDirectly) {
   fs::create_symlink("pipe", folder_ / "link");
   std::string received;
   std::thread reader([&] { received = get(at("pipe")); });
-  put(at("link"), "through the pipe");
+  write(at("link"), "through the pipe");
   reader.join();
   EXPECT_EQ(received, "through the pipe");
   EXPECT_TRUE(fs::is_fifo(folder_ / "pipe"));
@@ -98,7 +98,7 @@ TEST_F(OutputFileTest, PipesAndDevicesAreWrittenDirectly) {
   if (::mknod(at("null").c_str(), S_IFCHR | 0600, makedev(kNullMajor, kNullMinor)) != 0)
     GTEST_SKIP() << "no permission to make a device";
   try {
-    put(at("null"), "nothing");
+    write(at("null"), "nothing");
   } catch (const Error&) {  // file systems mounted without devices
   }
   EXPECT_TRUE(fs::is_character_file(folder_ / "null"));
@@ -107,24 +107,24 @@ TEST_F(OutputFileTest, PipesAndDevicesAreWrittenDirectly) {
 TEST_F(OutputFileTest, PermissionsStay) {
   std::ofstream(at("x")) << "old";
   ASSERT_EQ(::chmod(at("x").c_str(), 0640), 0);
-  put(at("x"), "new");
+  write(at("x"), "new");
   EXPECT_EQ(get(at("x")), "new");
   EXPECT_EQ(fs::status(at("x")).permissions(), fs::perms(0640));
   ASSERT_EQ(::chmod(at("x").c_str(), 0440), 0);
   if (::geteuid() == 0) GTEST_SKIP() << "root may write what is write-protected";
-  EXPECT_THROW(put(at("x"), "newer"), Error);
+  EXPECT_THROW(write(at("x"), "newer"), Error);
   EXPECT_EQ(get(at("x")), "new");
 }
 
 TEST_F(OutputFileTest, WhatAKilledRunLeftIsRemovedAndWhatIsBeingWrittenStays) {
   const std::string part = at("x") + ".espalier.part";
   std::ofstream(part) << "half of it";
-  put(at("x"), "whole");
+  write(at("x"), "whole");
   EXPECT_EQ(names(), std::set<std::string>{"x"});
   {
     OutputFile slow(at("x"));  // two at a time
     slow.write("slow");
-    put(at("x"), "fast");
+    write(at("x"), "fast");
     EXPECT_EQ(get(at("x")), "fast");
     remove_abandoned(folder_.string());
     EXPECT_TRUE(fs::exists(part));
@@ -139,7 +139,7 @@ TEST_F(OutputFileTest, WhatAKilledRunLeftIsRemovedAndWhatIsBeingWrittenStays) {
 
 TEST_F(OutputFileTest, LongNamesFit) {
   const std::string name(250, 'n');
-  put(at(name), "here");
+  write(at(name), "here");
   EXPECT_EQ(get(at(name)), "here");
   EXPECT_EQ(names().size(), 1U);
 }

@@ -246,8 +246,8 @@ TEST(ChangedCases, MisuseAndBadNumbersAreErrors) {
   EXPECT_EQ(changed.flip(std::vector<Index>{2, 2}).row, 2);
   EXPECT_THROW((void)changed.removed(10), std::out_of_range);
   Entries one, other;
-  one.put(std::vector<double>(10, 1.0), 1);
-  other.put(u, 1);
+  one.add_column(std::vector<double>(10, 1.0), 1);
+  other.add_column(u, 1);
   EXPECT_EQ(changed.add(other.columns()).code, StatusCode::invalid_input);
   EXPECT_EQ(changed.add_low_rank(other.columns()).code, StatusCode::invalid_input);
   EXPECT_EQ(changed.replace(std::vector<Index>{3}, other.columns()).row, 4);

@@ -83,8 +83,8 @@ class RandomChanges {
     Entries columns, rows;
     for (Index k = 0; k < count; ++k) {
       const std::vector<double> column = vector(size, sparse), row = both ? column : vector(size, sparse);
-      columns.put(column, random_());
-      rows.put(row, random_());
+      columns.add_column(column, random_());
+      rows.add_column(row, random_());
       u.insert(u.end(), column.begin(), column.end());
       other.insert(other.end(), row.begin(), row.end());
       for (Index j = 0; j < k && both; ++j) corner[at(j * count + k)] = corner[at(k * count + j)];
@@ -135,8 +135,8 @@ class RandomChanges {
     for (const Index v : list) {
       std::vector<double> column = vector(dense_.n, true), row = both ? column : vector(dense_.n, true);
       column[at(v)] = 3;
-      columns.put(column, random_());
-      rows.put(row, random_());
+      columns.add_column(column, random_());
+      rows.add_column(row, random_());
       for (Index i = 0; i < dense_.n; ++i) {
         dense_.entry(v, i) = row[at(i)];
         dense_.entry(i, v) = column[at(i)];
@@ -155,8 +155,8 @@ class RandomChanges {
       for (Index j = 0; j < i; ++j) c[at(j * rank + i)] = c[at(i * rank + j)];
     Entries of_u, of_v;
     for (Index k = 0; k < rank; ++k) {
-      of_u.put({u.begin() + k * n_, u.begin() + (k + 1) * n_}, random_());
-      of_v.put({v.begin() + k * n_, v.begin() + (k + 1) * n_}, random_());
+      of_u.add_column({u.begin() + k * n_, u.begin() + (k + 1) * n_}, random_());
+      of_v.add_column({v.begin() + k * n_, v.begin() + (k + 1) * n_}, random_());
     }
     const Status s = sparse ? changed_.add_low_rank(of_u.columns(), c, both ? SparseColumns{} : of_v.columns())
                             : changed_.add_low_rank(u, rank, c, both ? std::span<const double>{} : v);

@@ -53,7 +53,7 @@ struct Entries {
   std::vector<Index> rows;
   std::vector<double> values;
 
-  void put(const std::vector<double>& column, std::uint64_t seed) {
+  void add_column(const std::vector<double>& column, std::uint64_t seed) {
     std::vector<Index> order;
     for (std::size_t i = 0; i < column.size(); ++i)
       if (column[i] != 0) order.push_back(static_cast<Index>(i));

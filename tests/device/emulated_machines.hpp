@@ -122,7 +122,7 @@ class Rank {
         std::make_shared<MessageSlots>(std::make_shared_for_overwrite<std::byte[]>(slots * bytes), slots, bytes));
   }
 
-  ranks::Link& link() { return link_; }
+  ranks::Communicator& link() { return link_; }
   [[nodiscard]] int number() const { return link_.rank(); }
 
   /// Numbers are other ones in every run.
@@ -304,7 +304,7 @@ class Rank {
 
   const System& s_;
   Devices& devices_;
-  ranks::Link link_;
+  ranks::Communicator link_;
   SlowQueues queues_;
   CopyThread thread_;
   std::mt19937 draw_;

@@ -80,16 +80,16 @@ ComplexSparseMatrix complex(const std::vector<std::string>& words, Storage stora
 // As factor_file.hpp describes the parts, as far as their sizes fit into the file.
 void mend_checksums(Bytes& file) {
   constexpr std::size_t kHead = 24, kPartHead = 16, kSum = 8;
-  const auto put = [&](std::size_t at, std::size_t bytes) {
+  const auto write_checksum = [&](std::size_t at, std::size_t bytes) {
     const std::uint64_t sum = base::checksum(file.data() + at, bytes);
     std::memcpy(file.data() + at + bytes, &sum, kSum);
   };
-  put(0, kHead);
+  write_checksum(0, kHead);
   for (std::size_t at = kHead + kSum; at + kPartHead + kSum <= file.size();) {
     std::uint64_t size = 0;
     std::memcpy(&size, file.data() + at + 8, sizeof size);
     if (size > file.size() - at - kPartHead - kSum) return;
-    put(at, kPartHead + static_cast<std::size_t>(size));
+    write_checksum(at, kPartHead + static_cast<std::size_t>(size));
     at += kPartHead + static_cast<std::size_t>(size) + kSum;
   }
 }

@@ -44,8 +44,8 @@ class Caller {
   Status analyze(const ComplexMatrixView& a) {
     return solver::analysis_by(*session_, [&] { session_->analyze_given(solver::given(a)); }).status;
   }
-  template <class Part>
-  Status analyze(const Part& part) {
+  template <class Local>
+  Status analyze(const Local& part) {
     return solver::analysis_by(*session_, [&] { session_->analyze_part(solver::given(part)); }).status;
   }
   FactorResult refactorize(const std::vector<double>& values) {

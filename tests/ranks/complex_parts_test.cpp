@@ -65,7 +65,7 @@ ComplexSparseMatrix both_triangles(const ComplexSparseMatrix& lower, Storage sto
 }
 
 // A part by rows that owns its arrays.
-struct Part {
+struct LocalMatrix {
   Index first = 0;
   std::vector<Offset> ptr{0};
   std::vector<Index> col;
@@ -75,10 +75,10 @@ struct Part {
 };
 
 // Rows [first, end) of these entries, columns falling.
-Part rows_of(std::vector<Entry> entries, Index first, Index end) {
+LocalMatrix rows_of(std::vector<Entry> entries, Index first, Index end) {
   std::sort(entries.begin(), entries.end(),
             [](const Entry& a, const Entry& b) { return std::pair(a.row, b.col) < std::pair(b.row, a.col); });
-  Part p;
+  LocalMatrix p;
   p.first = first;
   auto e = std::find_if(entries.begin(), entries.end(), [&](const Entry& x) { return x.row >= first; });
   for (Index r = first; r < end; ++r) {
@@ -143,7 +143,7 @@ void solve_by_rows(const ComplexSparseMatrix& a, const std::vector<Entry>& entri
                                     << static_cast<int>(storage));
     const auto r = static_cast<std::size_t>(ranks.rank());
     const RowRange rows{begin[r], begin[r + 1] - begin[r]};
-    const Part part = rows_of(entries, rows.first, rows.first + rows.count);
+    const LocalMatrix part = rows_of(entries, rows.first, rows.first + rows.count);
     ComplexSolver solver(ranks, one_thread());
     const AnalysisResult analysis = solver.analyze(part.view(n, storage));
     ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
@@ -229,7 +229,7 @@ TEST_P(ComplexParts, OverlapsAreSummed) {
   const Truth truth = truth_of(a, b, 1, Transpose::no);
   on_threads(3, {}, [&](const Ranks& ranks) {
     const double share = ranks.rank() == 0 ? 0.5 : 0.25;
-    Part part = rows_of(entries_of(a), 0, n);
+    LocalMatrix part = rows_of(entries_of(a), 0, n);
     for (Value& v : part.values) v *= share;
     ComplexSolver solver(ranks, one_thread());
     ASSERT_TRUE(solver.analyze(part.view(n, a.storage)).status.ok());
@@ -278,7 +278,7 @@ TEST_P(ComplexParts, OfOneProcess) {
       complex_of(reference::random_system(200, 4, reference::Values::general, 1), Storage::general);
   const std::vector<Value> b = random_numbers(a.rows);
   const Truth truth = truth_of(a, b, 1, Transpose::no);
-  const Part part = rows_of(entries_of(a), 0, a.rows);
+  const LocalMatrix part = rows_of(entries_of(a), 0, a.rows);
   ComplexSolver solver(one_thread());
   ASSERT_TRUE(solver.analyze(part.view(a.rows, a.storage)).status.ok());
   for (const bool whole : {false, true}) {
@@ -297,7 +297,7 @@ TEST_P(ComplexParts, SavedAnalyses) {
   const std::vector<Value> b = random_numbers(n);
   const Truth truth = truth_of(a, b, 1, Transpose::no);
   const std::string path = testing::TempDir() + "espalier_complex_parts";
-  const auto expect_truth = [&](ComplexSolver& solver, const Part& part) {
+  const auto expect_truth = [&](ComplexSolver& solver, const LocalMatrix& part) {
     ASSERT_TRUE(solver.refactorize(part.values).status.ok());
     const RowRange rows = solver.rows();
     std::vector<Value> x = piece(b, n, rows, 1);
@@ -305,7 +305,7 @@ TEST_P(ComplexParts, SavedAnalyses) {
     EXPECT_EQ(x, piece(truth.x, n, rows, 1));
   };
   on_threads(3, {}, [&](const Ranks& ranks) {
-    const Part part = rows_of(entries_of(a), n * ranks.rank() / 3, n * (ranks.rank() + 1) / 3);
+    const LocalMatrix part = rows_of(entries_of(a), n * ranks.rank() / 3, n * (ranks.rank() + 1) / 3);
     ComplexSolver solver(ranks, one_thread());
     ASSERT_TRUE(solver.analyze(part.view(n, a.storage)).status.ok());
     ASSERT_TRUE(solver.save_analysis(path).ok());
@@ -315,7 +315,7 @@ TEST_P(ComplexParts, SavedAnalyses) {
     EXPECT_EQ(analysis.nonzeros_factor, solver.analysis().nonzeros_factor);
     expect_truth(loaded, part);
     // Another pattern.
-    Part other = part;
+    LocalMatrix other = part;
     if (ranks.rank() == 1) {
       other.col.pop_back();
       other.values.pop_back();
@@ -327,7 +327,7 @@ TEST_P(ComplexParts, SavedAnalyses) {
   ASSERT_TRUE(alone.load_analysis(path, a).status.ok());
   ASSERT_TRUE(alone.save_analysis(path).ok());
   on_threads(2, {}, [&](const Ranks& ranks) {
-    const Part part = rows_of(entries_of(a), n * ranks.rank() / 2, n * (ranks.rank() + 1) / 2);
+    const LocalMatrix part = rows_of(entries_of(a), n * ranks.rank() / 2, n * (ranks.rank() + 1) / 2);
     ComplexSolver solver(ranks, one_thread());
     ASSERT_TRUE(solver.load_analysis(path, part.view(n, a.storage)).status.ok());
     expect_truth(solver, part);
@@ -356,11 +356,11 @@ TEST_P(ComplexParts, MistakesOfOneRank) {
     said.clear();
   };
   // Ranks run `mistake` with a solver that has a factor, and go on with it.
-  using Mistake = std::function<Status(ComplexSolver&, const Part&, int rank)>;
+  using Mistake = std::function<Status(ComplexSolver&, const LocalMatrix&, int rank)>;
   const auto expect_mistake = [&](const std::string& words, const Mistake& mistake) {
     SCOPED_TRACE(words);
     on_threads(3, {}, [&](const Ranks& ranks) {
-      const Part part = rows_of(entries_of(a), n * ranks.rank() / 3, n * (ranks.rank() + 1) / 3);
+      const LocalMatrix part = rows_of(entries_of(a), n * ranks.rank() / 3, n * (ranks.rank() + 1) / 3);
       ComplexSolver solver(ranks, one_thread());
       ASSERT_TRUE(solver.analyze(part.view(n, a.storage)).status.ok());
       ASSERT_TRUE(solver.refactorize(part.values).status.ok());
@@ -373,51 +373,51 @@ TEST_P(ComplexParts, MistakesOfOneRank) {
     });
     expect_said(words);
   };
-  const auto analyzed = [&](ComplexSolver& solver, const Part& part) {
+  const auto analyzed = [&](ComplexSolver& solver, const LocalMatrix& part) {
     return solver.analyze(part.view(n, a.storage)).status;
   };
-  expect_mistake("columns", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("columns", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 1) part.col[3] = n;
     return analyzed(solver, part);
   });
-  expect_mistake("values of entries", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("values of entries", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 2) part.values.pop_back();
     return analyzed(solver, part);
   });
-  expect_mistake("whether there are values", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("whether there are values", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 1) part.values.clear();
     return analyzed(solver, part);
   });
-  expect_mistake("its storage or its numbers", [&](ComplexSolver& solver, const Part& part, int rank) {
+  expect_mistake("its storage or its numbers", [&](ComplexSolver& solver, const LocalMatrix& part, int rank) {
     return solver.analyze(part.view(n, rank == 1 ? Storage::symmetric_lower : a.storage)).status;
   });
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  expect_mistake("nan", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("nan", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 2) part.values[0] = {0, nan};
     return analyzed(solver, part);
   });
   // The first entry of row 0 is on the diagonal.
-  expect_mistake("the diagonal of a Hermitian matrix is real", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("the diagonal of a Hermitian matrix is real", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 0) part.values[0] += Value(0, 1);
     return analyzed(solver, part);
   });
-  expect_mistake("the diagonal of a Hermitian matrix is real", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("the diagonal of a Hermitian matrix is real", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 0) part.values[0] += Value(0, 1);
     return solver.refactorize(part.values).status;
   });
-  expect_mistake("entries of this rank's part", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("entries of this rank's part", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 1) part.values.pop_back();
     return solver.refactorize(part.values).status;
   });
-  expect_mistake("nan", [&](ComplexSolver& solver, Part part, int rank) {
+  expect_mistake("nan", [&](ComplexSolver& solver, LocalMatrix part, int rank) {
     if (rank == 2) part.values[1] = {nan, 0};
     return solver.refactorize(part.values).status;
   });
-  expect_mistake("values on this rank", [&](ComplexSolver& solver, const Part&, int rank) {
+  expect_mistake("values on this rank", [&](ComplexSolver& solver, const LocalMatrix&, int rank) {
     std::vector<Value> x(static_cast<std::size_t>(solver.rows().count - (rank == 1 ? 1 : 0)));
     return solver.solve(x, x).status;
   });
-  expect_mistake("no rank gives row", [&](ComplexSolver& solver, const Part&, int rank) {
+  expect_mistake("no rank gives row", [&](ComplexSolver& solver, const LocalMatrix&, int rank) {
     if (rank == 1) solver.set_rows({0, 3});
     std::vector<Value> x(static_cast<std::size_t>(solver.rows().count), 1.0);
     return solver.solve(x, x).status;

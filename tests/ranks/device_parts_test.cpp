@@ -39,7 +39,7 @@ class Caller {
     return solver::analysis_by(session_, [&] { session_.analyze_given(a.view()); }).status;
   }
   Status analyze(const LocalRows& part) {
-    return solver::analysis_by(session_, [&] { session_.analyze_part(solver::GivenPart<LocalRows>(part)); }).status;
+    return solver::analysis_by(session_, [&] { session_.analyze_part(solver::GivenLocal<LocalRows>(part)); }).status;
   }
   Status refactorize_device(const double* values, Offset count, void* queue = nullptr) {
     return solver::refactorize_part_device(session_, values, count, queue).status;

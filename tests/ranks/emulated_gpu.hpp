@@ -17,7 +17,7 @@
 #include <vector>
 
 #include "device/registry.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solve/residual.hpp"
 
 namespace espalier::ranks {
@@ -32,7 +32,7 @@ struct EmulatedWork {
 class EmulatedSystem final : public device::DeviceLinearSystem {
  public:
   EmulatedSystem(const device::LinearSystemArrays& a, device::Executor<double>& executor, const device::PivotRule& rule,
-                 Link* link, base::ThreadPool& pool, EmulatedWork& work)
+                 Communicator* link, base::ThreadPool& pool, EmulatedWork& work)
       : executor_(executor),
         rule_(rule),
         link_(link),
@@ -200,7 +200,7 @@ class EmulatedSystem final : public device::DeviceLinearSystem {
 
   device::Executor<double>& executor_;
   device::PivotRule rule_;
-  Link* link_;
+  Communicator* link_;
   EmulatedWork& work_;
   base::Numbers numbers_;
   SparseMatrix pattern_;              // with the values there, of complex ones the parts
@@ -233,7 +233,7 @@ class EmulatedExecutor final : public device::Executor<double> {
  private:
   device::PivotRule rule_;
   base::ThreadPool& pool_;
-  Link* link_;
+  Communicator* link_;
   EmulatedWork& work_;
   std::unique_ptr<device::Executor<double>> host_;
 };

@@ -15,9 +15,9 @@ namespace espalier::ranks {
 namespace first_rank_test {
 
 // How `body` ends as one call of all ranks.
-Status called(const Ranks& ranks, const std::function<void(Link&, base::ThreadPool&)>& body,
+Status called(const Ranks& ranks, const std::function<void(Communicator&, base::ThreadPool&)>& body,
               base::Interruption* interruption = nullptr) {
-  Link& link = *ranks.link();
+  Communicator& link = *ranks.link();
   base::ThreadPool pool(1, interruption);
   link.begin_call();
   Status own;
@@ -35,11 +35,11 @@ TEST(FirstRank, GivesSignsOfLifeWhileItWorks) {
       3, {},
       [&](const Ranks& ranks) {
         std::vector<int> told;
-        const Status end = called(ranks, [&](Link& link, base::ThreadPool& pool) {
+        const Status end = called(ranks, [&](Communicator& link, base::ThreadPool& pool) {
           Packer mine;
           by_first_rank(link, pool, [&] {
             std::this_thread::sleep_for(std::chrono::milliseconds(1500));
-            mine.put(std::vector<int>{3, 1, 4});
+            mine.pack(std::vector<int>{3, 1, 4});
           });
           const std::vector<std::byte> bytes = from_first_rank(link, mine.bytes());
           Unpacker(bytes).get(told);
@@ -52,14 +52,15 @@ TEST(FirstRank, GivesSignsOfLifeWhileItWorks) {
 
 TEST(FirstRank, FailsForAll) {
   on_threads(3, {}, [&](const Ranks& ranks) {
-    const Status end = called(ranks, [&](Link& link, base::ThreadPool& pool) {
+    const Status end = called(ranks, [&](Communicator& link, base::ThreadPool& pool) {
       by_first_rank(link, pool, [] { throw Error(StatusCode::singular, "a row is empty", 7); });
     });
     EXPECT_EQ(end.code, StatusCode::singular);
     EXPECT_EQ(end.row, 7);
     EXPECT_NE(end.message.find("rank 0"), std::string::npos) << end.message;
     EXPECT_NE(end.message.find("a row is empty"), std::string::npos) << end.message;
-    EXPECT_TRUE(called(ranks, [](Link& link, base::ThreadPool& pool) { by_first_rank(link, pool, [] {}); }).ok());
+    EXPECT_TRUE(
+        called(ranks, [](Communicator& link, base::ThreadPool& pool) { by_first_rank(link, pool, [] {}); }).ok());
   });
 }
 
@@ -77,7 +78,7 @@ TEST(FirstRank, IsInterrupted) {
     const base::Interruption::Call call(interruption);
     const Status end = called(
         ranks,
-        [&](Link& link, base::ThreadPool& pool) {
+        [&](Communicator& link, base::ThreadPool& pool) {
           by_first_rank(link, pool, [&] {
             for (;;) pool.check();
           });
@@ -89,10 +90,10 @@ TEST(FirstRank, IsInterrupted) {
 
 TEST(Packing, GivesBackWhatWasPut) {
   Packer packer;
-  packer.put(3.5);
-  packer.put(std::string("two words"));
-  packer.put(std::vector<Index>{});
-  packer.put(std::vector<Offset>{1, -2});
+  packer.pack(3.5);
+  packer.pack(std::string("two words"));
+  packer.pack(std::vector<Index>{});
+  packer.pack(std::vector<Offset>{1, -2});
   double number = 0;
   std::string text;
   std::vector<Index> none{1};

@@ -15,7 +15,7 @@
 #include "espalier/nodes.hpp"
 #include "matrix/generators/generate.hpp"
 #include "on_threads.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "reference/reference.hpp"
 
 #if ESPALIER_WITH_CUDA

@@ -17,7 +17,7 @@ namespace parts_test {
 using reference::random_vector;
 
 // A part by rows that owns its arrays.
-struct Part {
+struct LocalMatrix {
   Index first = 0;
   std::vector<Offset> ptr{0};
   std::vector<Index> col;
@@ -25,7 +25,7 @@ struct Part {
 };
 
 // Rows [first, end) of `a`; every value times `scale`.
-Part rows_of(const SparseMatrix& a, Index first, Index end, double scale = 1) {
+LocalMatrix rows_of(const SparseMatrix& a, Index first, Index end, double scale = 1) {
   std::vector<std::vector<std::pair<Index, double>>> rows(static_cast<std::size_t>(end - first));
   for (Index c = 0; c < a.cols; ++c)
     for (Offset k = a.col_ptr[static_cast<std::size_t>(c)]; k < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++k) {
@@ -33,7 +33,7 @@ Part rows_of(const SparseMatrix& a, Index first, Index end, double scale = 1) {
       if (r >= first && r < end)
         rows[static_cast<std::size_t>(r - first)].emplace_back(c, scale * a.values[static_cast<std::size_t>(k)]);
     }
-  Part p;
+  LocalMatrix p;
   p.first = first;
   for (const auto& row : rows) {
     for (const auto& [c, v] : row) {
@@ -45,7 +45,9 @@ Part rows_of(const SparseMatrix& a, Index first, Index end, double scale = 1) {
   return p;
 }
 
-LocalRows view(const Part& p, const SparseMatrix& a) { return {a.rows, p.first, p.ptr, p.col, p.values, a.storage}; }
+LocalRows view(const LocalMatrix& p, const SparseMatrix& a) {
+  return {a.rows, p.first, p.ptr, p.col, p.values, a.storage};
+}
 
 std::vector<double> solution_of_one(const SparseMatrix& a, const std::vector<double>& b, Index columns) {
   Options o;
@@ -89,7 +91,7 @@ class Parts : public testing::Test {
     const std::vector<double> truth = solution_of_one(a, b, columns);
     on_threads(count, {}, [&](const Ranks& ranks) {
       const auto r = static_cast<std::size_t>(ranks.rank());
-      const Part part = rows_of(a, begin[r], begin[r + 1]);
+      const LocalMatrix part = rows_of(a, begin[r], begin[r + 1]);
       Solver solver(ranks, one_thread());
       const AnalysisResult analysis = solver.analyze(view(part, a));
       ASSERT_TRUE(analysis.status.ok()) << analysis.status.message;
@@ -135,7 +137,7 @@ TEST_F(Parts, OverlapsAreSummed) {
   const Index n = a.rows;
   const std::vector<double> b = random_vector(n, 9), truth = solution_of_one(a, b, 1);
   on_threads(2, {}, [&](const Ranks& ranks) {
-    const Part part = rows_of(a, 0, n, 0.5);
+    const LocalMatrix part = rows_of(a, 0, n, 0.5);
     Solver solver(ranks, one_thread());
     ASSERT_TRUE(solver.analyze(view(part, a)).status.ok());
     ASSERT_TRUE(solver.refactorize(part.values).status.ok());
@@ -177,7 +179,7 @@ TEST_F(Parts, OfOneProcess) {
   const SparseMatrix a =
       matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "4", "4", "3"}));
   const std::vector<double> b = random_vector(a.rows, 9), truth = solution_of_one(a, b, 1);
-  const Part part = rows_of(a, 0, a.rows);
+  const LocalMatrix part = rows_of(a, 0, a.rows);
   Solver solver(one_thread());
   ASSERT_TRUE(solver.analyze(view(part, a)).status.ok());
   for (const bool whole : {false, true}) {  // of the whole, values are in its own order
@@ -202,8 +204,8 @@ TEST_F(Parts, MistakesOfOneRank) {
   };
   on_threads(3, {}, [&](const Ranks& ranks) {
     const Index begin = n / 3 * ranks.rank(), end = ranks.rank() == 2 ? n : n / 3 * (ranks.rank() + 1);
-    const Part good = rows_of(a, begin, end);
-    Part bad = good;
+    const LocalMatrix good = rows_of(a, begin, end);
+    LocalMatrix bad = good;
     if (ranks.rank() == 1) bad.col[3] = n;  // beyond the last column
     Solver solver(ranks, one_thread());
     note(solver.analyze(view(bad, a)).status);

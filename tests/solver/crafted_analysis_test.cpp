@@ -159,7 +159,7 @@ class Attacker {
     return v;
   }
   template <class T>
-  void put(File::Array& a, std::size_t i, T v) {
+  void set(File::Array& a, std::size_t i, T v) {
     std::memcpy(&a.data[i * sizeof(T)], &v, sizeof v);
   }
 

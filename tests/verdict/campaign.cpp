@@ -96,7 +96,7 @@ void judge(const Run& run, Tally& tally, bool vectors) {
     say("inertia", std::to_string(f.inertia.negative) + " negative instead of " + std::to_string(run.negative));
   }
   if (zeros > 0 && vectors) {
-    const auto look = [&](const std::vector<double>& all, bool transpose) {
+    const auto check_vectors = [&](const std::vector<double>& all, bool transpose) {
       for (std::size_t at = 0; at < all.size(); at += static_cast<std::size_t>(run.a.rows)) {
         const double error = null_error(run.a, all.data() + at, transpose);
         tally.worst_vector = std::max(tally.worst_vector, error);
@@ -105,8 +105,8 @@ void judge(const Run& run, Tally& tally, bool vectors) {
         say("vector", std::string(transpose ? "|A^T w|" : "|A v|") + " is " + std::to_string(error * 1e16) + "e-16");
       }
     };
-    look(f.null_vectors, false);
-    look(f.left_null_vectors, true);
+    check_vectors(f.null_vectors, false);
+    check_vectors(f.left_null_vectors, true);
     const bool two_sided = analysis.kind == Kind::lu;
     if (f.left_null_vectors.size() != (two_sided ? f.null_vectors.size() : 0)) say("left", "vectors are missing");
     if (static_cast<Index>(f.dependent_rows.size()) != zeros) say("rows", std::to_string(f.dependent_rows.size()));

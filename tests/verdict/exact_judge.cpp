@@ -84,7 +84,7 @@ const ComplexSparseMatrix& as_given(const ComplexSparseMatrix& a, std::complex<d
 template <class Value, class Result>
 std::string wrong_vectors(const ComplexSparseMatrix& a, Index zeros, const Result& f, Kind kind) {
   const auto n = static_cast<std::size_t>(a.rows);
-  const auto look = [&](const std::vector<Value>& all, bool transpose) -> std::string {
+  const auto check_vectors = [&](const std::vector<Value>& all, bool transpose) -> std::string {
     if (all.size() % n != 0 || (!all.empty() && all.size() != n * static_cast<std::size_t>(zeros)))
       return fmt::format("{} numbers in null vectors", all.size());
     for (std::size_t at = 0; at < all.size(); at += n)
@@ -93,9 +93,9 @@ std::string wrong_vectors(const ComplexSparseMatrix& a, Index zeros, const Resul
     return {};
   };
   if (f.null_vectors.empty()) return "no null vectors of a small matrix";
-  if (std::string wrong = look(f.null_vectors, false); !wrong.empty()) return wrong;
+  if (std::string wrong = check_vectors(f.null_vectors, false); !wrong.empty()) return wrong;
   if (kind == Kind::lu && f.left_null_vectors.empty()) return "no left null vectors of a small matrix";
-  return look(f.left_null_vectors, true);
+  return check_vectors(f.left_null_vectors, true);
 }
 
 template <class Result>

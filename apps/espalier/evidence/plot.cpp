@@ -196,10 +196,10 @@ std::string svg(const TimelinePlot& plot) {
   if (plot.tracks.empty() || !(plot.seconds > 0)) return "";
   constexpr double kTrack = 16;
   const double left = 236, bottom = kTop + (kTrack + 4) * static_cast<double>(plot.tracks.size());
-  const Scale x({"time", Unit::seconds, false, true}, {0, plot.seconds}, left, kWidth - kRight);
+  const Scale x({"time", AxisUnit::seconds, false, true}, {0, plot.seconds}, left, kWidth - kRight);
   Canvas canvas;
   open_svg(canvas, bottom + kAxisHeight, plot.title);
-  add_x_axis(canvas, x, {"time since the first task", Unit::seconds}, left, bottom);
+  add_x_axis(canvas, x, {"time since the first task", AxisUnit::seconds}, left, bottom);
   for (std::size_t k = 0; k < plot.tracks.size(); ++k) {
     const auto& track = plot.tracks[k];
     const double y = kTop + (kTrack + 4) * static_cast<double>(k);

@@ -9,11 +9,11 @@
 
 namespace espalier::cli::evidence {
 
-enum class Unit { number, seconds, percent, bytes };
+enum class AxisUnit { number, seconds, percent, bytes };
 
 struct Axis {
   std::string label;  ///< with its unit in words; tick labels carry units of their own
-  Unit unit = Unit::number;
+  AxisUnit unit = AxisUnit::number;
   bool logarithmic = false;
   bool from_zero = false;  ///< linear axes: begin at 0
   bool whole = false;      ///< linear axes: ticks at whole numbers only

@@ -15,7 +15,7 @@ namespace espalier::cli::evidence {
 
 namespace {
 
-const Axis kTime{"seconds, logarithmic", Unit::seconds, true};
+const Axis kTime{"seconds, logarithmic", AxisUnit::seconds, true};
 
 /// The series of that name, made where it is new, so that colours follow the order of first appearance.
 Series& series_named(std::vector<Series>& all, const std::string& name) {
@@ -71,7 +71,7 @@ bool one_system(const Results& results) {
 
 /// Ours, the fastest setting of each system.
 std::string roofline(const Results& results) {
-  DotPlot plot{"Share of the machine's limits", {"share of the limit", Unit::percent, false, true}, {}, {}};
+  DotPlot plot{"Share of the machine's limits", {"share of the limit", AxisUnit::percent, false, true}, {}, {}};
   plot.series = {{"factorization, of our matrix product's rate", {}}, {"solve, of the memory bandwidth", {}}};
   std::map<std::string, const Json*> fastest;  // of ours, by system
   std::vector<std::string> systems;
@@ -101,8 +101,8 @@ std::string peers(const Results& results) {
 
 std::string block_size(const Results& results) {
   LinePlot plot{"Refactorization against the widest block",
-                {"widest block, columns", Unit::number, true},
-                {"time over the best of the system", Unit::number, false},
+                {"widest block, columns", AxisUnit::number, true},
+                {"time over the best of the system", AxisUnit::number, false},
                 {}};
   std::map<std::string, double> best;
   for (const Json& row : results.rows())
@@ -123,7 +123,7 @@ std::string block_size(const Results& results) {
 
 std::string memory(const Results& results) {
   LinePlot plot{"Refactorization against the budget of each device",
-                {"budget as a share of the need in core", Unit::percent, true},
+                {"budget as a share of the need in core", AxisUnit::percent, true},
                 kTime,
                 {}};
   for (const Json& row : results.rows()) {
@@ -173,12 +173,12 @@ std::string timelines(const Results& results) {
 
 std::string scaling(const Results& results) {
   LinePlot speed{"Speed-up over one device",
-                 {"devices", Unit::number, false, true, true},
-                 {"speed-up", Unit::number, false, true},
+                 {"devices", AxisUnit::number, false, true, true},
+                 {"speed-up", AxisUnit::number, false, true},
                  {}};
   LinePlot idle{"Idle and waiting",
-                {"devices", Unit::number, false, true, true},
-                {"share of the devices' time", Unit::percent, false, true},
+                {"devices", AxisUnit::number, false, true, true},
+                {"share of the devices' time", AxisUnit::percent, false, true},
                 {}};
   double most = 1;
   for (const Json& row : results.rows()) {
@@ -212,9 +212,9 @@ std::string ablation(const Results& results) {
   return svg(plot);
 }
 
-std::string by_unknowns(const Results& results, const std::string& title, const std::string& y, Unit unit,
+std::string by_unknowns(const Results& results, const std::string& title, const std::string& y, AxisUnit unit,
                         const std::vector<const char*>& path, bool by_rival) {
-  LinePlot plot{title, {"unknowns", Unit::number, true}, {y, unit, true}, {}};
+  LinePlot plot{title, {"unknowns", AxisUnit::number, true}, {y, unit, true}, {}};
   for (const Json& row : results.rows()) {
     const double value = number(row, path);
     if (!solved(row) || !std::isfinite(value)) continue;
@@ -240,10 +240,11 @@ std::string plots_of(const Results& results) {
   if (experiment == "refactor")
     return one_system(results)
                ? by_solver(results, "Newton step", "newton_step")
-               : by_unknowns(results, "Newton step", kTime.label, Unit::seconds, {"newton_step", "median"}, true);
+               : by_unknowns(results, "Newton step", kTime.label, AxisUnit::seconds, {"newton_step", "median"}, true);
   if (experiment == "growth")
-    return by_unknowns(results, "Refactorization", kTime.label, Unit::seconds, {"refactorization", "median"}, true) +
-           by_unknowns(results, "Memory", "peak memory of the process, logarithmic", Unit::bytes,
+    return by_unknowns(results, "Refactorization", kTime.label, AxisUnit::seconds, {"refactorization", "median"},
+                       true) +
+           by_unknowns(results, "Memory", "peak memory of the process, logarithmic", AxisUnit::bytes,
                        {"memory", "peak_bytes"}, true) +
            roofline(results);
   if (experiment == "gpu-check")

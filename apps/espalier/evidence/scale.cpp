@@ -72,13 +72,13 @@ double Scale::pixel(double value) const {
 
 std::string Scale::label(double tick) const {
   switch (axis_.unit) {
-    case Unit::seconds:
+    case AxisUnit::seconds:
       return tick == 0 ? "0" : seconds_text(tick);
-    case Unit::percent:
+    case AxisUnit::percent:
       return fmt::format("{:.3g} %", 1e2 * tick);
-    case Unit::bytes:
+    case AxisUnit::bytes:
       return bytes_text(tick);
-    case Unit::number:
+    case AxisUnit::number:
       break;
   }
   return std::abs(tick) >= 1e7   ? fmt::format("{:.0e}", tick)

@@ -48,7 +48,7 @@ class Dissector {
   void dissect(const Task& domain, base::Recursion& recursion);
   void bisect(const Task& domain, base::Recursion& recursion);
   void order_leaf(const Domain& domain);
-  void put(const Domain& domain, std::span<const Index> order);
+  void write_order(const Domain& domain, std::span<const Index> order);
   void start(Domain domain, base::Recursion& recursion);
   [[nodiscard]] HaloGraph halo_graph(const Domain& domain);
 
@@ -210,12 +210,12 @@ void Dissector::order_leaf(const Domain& domain) {
   const HaloGraph graph = halo_graph(domain);
   if (domain.flat && graph.inner > kLeaf) {
     const MinimumDegreeOrder order = approximate_minimum_degree(with_halo(graph), graph.inner);
-    if (!order.order.empty()) return put(domain, order.order);
+    if (!order.order.empty()) return write_order(domain, order.order);
   }
-  put(domain, minimum_degree(graph));
+  write_order(domain, minimum_degree(graph));
 }
 
-void Dissector::put(const Domain& domain, std::span<const Index> order) {
+void Dissector::write_order(const Domain& domain, std::span<const Index> order) {
   for (std::size_t k = 0; k < order.size(); ++k) order_[at(domain.begin) + k] = domain.vertices[at(order[k])];
 }
 

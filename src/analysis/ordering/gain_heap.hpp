@@ -49,14 +49,14 @@ class GainHeap {
     Index gain, vertex;
     bool operator<(const Item& o) const { return gain != o.gain ? gain < o.gain : vertex > o.vertex; }
   };
-  void put(std::size_t k, Item e) {
+  void set_item(std::size_t k, Item e) {
     heap_[k] = e;
     place_[static_cast<std::size_t>(e.vertex)] = static_cast<Index>(k);
   }
   void up(std::size_t k) {
     const Item e = heap_[k];
-    for (; k > 0 && heap_[(k - 1) / 2] < e; k = (k - 1) / 2) put(k, heap_[(k - 1) / 2]);
-    put(k, e);
+    for (; k > 0 && heap_[(k - 1) / 2] < e; k = (k - 1) / 2) set_item(k, heap_[(k - 1) / 2]);
+    set_item(k, e);
   }
   void down(std::size_t k) {
     const Item e = heap_[k];
@@ -65,10 +65,10 @@ class GainHeap {
       if (child >= heap_.size()) break;
       if (child + 1 < heap_.size() && heap_[child] < heap_[child + 1]) ++child;
       if (!(e < heap_[child])) break;
-      put(k, heap_[child]);
+      set_item(k, heap_[child]);
       k = child;
     }
-    put(k, e);
+    set_item(k, e);
   }
 
   std::vector<Item> heap_;

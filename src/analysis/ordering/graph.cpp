@@ -89,7 +89,7 @@ Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, bas
 Offset merge_columns(std::span<const Index> a, std::span<const Index> b, Index skip, Index* out) {
   std::size_t i = 0, k = 0;
   Offset size = 0;
-  const auto put = [&](Index next) {
+  const auto append = [&](Index next) {
     if (next == skip) return;
     if (out != nullptr) out[size] = next;
     ++size;
@@ -98,10 +98,10 @@ Offset merge_columns(std::span<const Index> a, std::span<const Index> b, Index s
     const Index next = std::min(a[i], b[k]);
     i += a[i] == next ? 1 : 0;
     k += b[k] == next ? 1 : 0;
-    put(next);
+    append(next);
   }
-  for (; i < a.size(); ++i) put(a[i]);
-  for (; k < b.size(); ++k) put(b[k]);
+  for (; i < a.size(); ++i) append(a[i]);
+  for (; k < b.size(); ++k) append(b[k]);
   return size;
 }
 

@@ -118,7 +118,7 @@ std::vector<Index> RoundMatcher::scattered_order() const {
 Index RoundMatcher::choose(Index v) const {
   const Offset begin = g_.ptr[at(v)], end = g_.ptr[at(v) + 1];
   Index best = v, heaviest = 0;
-  const auto look = [&](Offset from, Offset to) {
+  const auto scan = [&](Offset from, Offset to) {
     for (Offset k = from; k < to; ++k) {
       const Index u = g_.adj[at(k)];
       if (g_.edge[at(k)] <= heaviest || mate_[at(u)] >= 0) continue;
@@ -130,8 +130,8 @@ Index RoundMatcher::choose(Index v) const {
   if (begin == end) return v;
   const Offset middle =
       begin + static_cast<Offset>((hash(v) & 0xffffffffU) * static_cast<std::uint64_t>(end - begin) >> 32);
-  look(middle, end);
-  look(begin, middle);
+  scan(middle, end);
+  scan(begin, middle);
   return best;
 }
 

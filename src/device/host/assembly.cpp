@@ -22,7 +22,7 @@ void find_runs(const Index* relative, Index begin, Index end, Index row_begin, s
 }  // namespace
 
 template <class T>
-void add_contribution(const plan::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
+void add_contribution(const plan::Plan& plan, Index child, const T* source, const FrontBlock<T>& part, bool mirror,
                       std::vector<Run>& runs, ColumnRange columns) {
   const plan::FrontLayout& layout = plan.layout[child];
   const Index below = layout.below();
@@ -82,9 +82,9 @@ void add_entries(std::span<const plan::EntryPlace> entries, std::span<const T> v
   }
 }
 
-#define ESPALIER_INSTANTIATE(T)                                                                               \
-  template void add_contribution(const plan::Plan&, Index, const T*, const Part<T>&, bool, std::vector<Run>&, \
-                                 ColumnRange);                                                                \
+#define ESPALIER_INSTANTIATE(T)                                                                                     \
+  template void add_contribution(const plan::Plan&, Index, const T*, const FrontBlock<T>&, bool, std::vector<Run>&, \
+                                 ColumnRange);                                                                      \
   template void add_entries(std::span<const plan::EntryPlace>, std::span<const T>, T*, Offset, EntryPart);
 ESPALIER_FOR_SCALARS(ESPALIER_INSTANTIATE)
 #undef ESPALIER_INSTANTIATE

@@ -11,7 +11,7 @@ namespace espalier::device::host {
 /// The part of a front that is being made: rows [row_begin, row_end), columns [col_begin, col_end) of the front, in
 /// column-major scratch.
 template <class T>
-struct Part {
+struct FrontBlock {
   T* data;
   Offset ld;
   Index row_begin, row_end, col_begin, col_end;
@@ -29,7 +29,7 @@ struct ColumnRange {
 /// @param mirror  true: element (r, c) is added at (c, r) of the part, and diagonal elements are left out: the upper
 ///                triangle of a square part (lu)
 template <class T>
-void add_contribution(const plan::Plan& plan, Index child, const T* source, const Part<T>& part, bool mirror,
+void add_contribution(const plan::Plan& plan, Index child, const T* source, const FrontBlock<T>& part, bool mirror,
                       std::vector<Run>& runs, ColumnRange columns = {});
 
 /// Adds the entries of A that belong to the tile. transposed_part: the U^T part of an off-diagonal tile takes the

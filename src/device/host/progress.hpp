@@ -20,7 +20,7 @@ class WhileWaiting {
  public:
   virtual ~WhileWaiting() = default;
   /// Between two pieces of work.
-  virtual void look() = 0;
+  virtual void poll() = 0;
   /// A wait begins; it is looked whether it has lasted too long.
   virtual void begin_waiting() = 0;
   virtual void expect_patience() = 0;
@@ -48,7 +48,7 @@ class Progress {
   /// @param abort   checked while waiting
   /// @param waited  the seconds waited are added there; may be null
   void wait(Offset event, const std::atomic<bool>& abort, double* waited = nullptr) const {
-    if (WhileWaiting::here != nullptr) WhileWaiting::here->look();
+    if (WhileWaiting::here != nullptr) WhileWaiting::here->poll();
     if (is_set(event)) return;
     const double begin = waited != nullptr ? base::now_seconds() : 0;
     spin(event, abort);
@@ -76,7 +76,7 @@ class Progress {
     meanwhile.begin_waiting();
     for (int looks = 1; !is_set(event); ++looks) {
       if (abort.load(std::memory_order_relaxed)) throw Aborted{};
-      meanwhile.look();
+      meanwhile.poll();
       if (looks % kLooksOfPatience == 0) meanwhile.expect_patience();
       if (looks > kLooksBeforeSleep)
         std::this_thread::sleep_for(std::chrono::microseconds(20));

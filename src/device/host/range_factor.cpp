@@ -48,7 +48,7 @@ class WholeFront {
         plan_.entries.data() + plan_.entry_ptr[tile],
         static_cast<std::size_t>(plan_.entry_ptr[plan_.first_tile[f_ + 1]] - plan_.entry_ptr[tile]));
     add_entries(entries, s_.values, w_.c.data(), ld_, EntryPart::square);
-    const Part<T> all{w_.c.data(), ld_, 0, m_, 0, m_};
+    const FrontBlock<T> all{w_.c.data(), ld_, 0, m_, 0, m_};
     for (Offset c = plan_.child_ptr[f_]; c < plan_.child_ptr[f_ + 1]; ++c) {
       const Index child = plan_.children[c];
       if (plan_.memory.on_stack[child] == 0) wait_for_contribution(child);

@@ -24,20 +24,20 @@ namespace {
 // The thread that calls drives messages wherever it waits, as long as this stands.
 class Driver final : public WhileWaiting {
  public:
-  Driver(ranks::Link& link, ranks::Handler handler) : link_(link), handler_(std::move(handler)), before_(here) {
+  Driver(ranks::Communicator& link, ranks::Handler handler) : link_(link), handler_(std::move(handler)), before_(here) {
     here = this;
   }
   ~Driver() override { here = before_; }
   Driver(const Driver&) = delete;
   Driver& operator=(const Driver&) = delete;
 
-  void look() override { link_.drive(handler_); }
+  void poll() override { link_.drive(handler_); }
   void begin_waiting() override { link_.begin_waiting(); }
   void expect_patience() override { link_.expect_patience(); }
   void wait(const std::function<bool()>& done) { link_.wait(handler_, done); }
 
  private:
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   ranks::Handler handler_;
   WhileWaiting* before_;
 };
@@ -182,7 +182,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
       for (std::size_t k = next_++; k < plan_.tasks.size(); k = next_++) {
         if (state_->abort.load(std::memory_order_relaxed)) break;
         pool_.check();
-        if (driver) driver->look();
+        if (driver) driver->poll();
         execute(plan_.tasks[k], w);
         ++finished_;
       }
@@ -227,14 +227,14 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     h.kind = static_cast<std::int32_t>(Cargo::solution_rows);
     h.front = f;
     m.set_header(h);
-    ranks::Writer(m.body()).put(rows, static_cast<std::size_t>(count));
+    ranks::Writer(m.body()).write(rows, static_cast<std::size_t>(count));
     link_.post(to, std::move(m));
   }
   void wait(const std::function<bool()>& done) override { driver_->wait(done); }
 
   const plan::Plan& plan_;
   base::ThreadPool& pool_;
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   base::MemoryBudget own_budget_{"host memory"};
   base::MemoryBudget* budget_;
   Offset held_before_;   // by others, when the executor was made

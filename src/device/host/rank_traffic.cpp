@@ -34,7 +34,7 @@ auto count_of(Offset n) { return static_cast<std::size_t>(n); }
 }  // namespace
 
 template <class T>
-RankTraffic<T>::RankTraffic(NumericState<T>& state, ranks::Link& link)
+RankTraffic<T>::RankTraffic(NumericState<T>& state, ranks::Communicator& link)
     : s_(state),
       plan_(state.plan),
       link_(link),
@@ -100,14 +100,14 @@ void RankTraffic<T>::put_pivots(Index f, const Pivots& p, Writer& to) const {
   const auto n = count_of(p.count);
   for (std::size_t k = 0; k < n; ++k) {  // others may be adding marks of their tiles
     const char state = std::atomic_ref<char>(s_.column_state[count_of(p.position) + k]).load(std::memory_order_relaxed);
-    to.put(&state, 1);
+    to.write(&state, 1);
   }
   if (!p.booked) return;
-  to.put(&s_.fronts[count_of(f)], 1);
-  if (s_.kind != Kind::llt) to.put(s_.pivot_order.data() + p.position, n);
+  to.write(&s_.fronts[count_of(f)], 1);
+  if (s_.kind != Kind::llt) to.write(s_.pivot_order.data() + p.position, n);
   if (s_.kind != Kind::ldlt) return;
-  to.put(s_.d_inverse.data() + p.position, n);
-  to.put(s_.e_inverse.data() + p.position, n);
+  to.write(s_.d_inverse.data() + p.position, n);
+  to.write(s_.e_inverse.data() + p.position, n);
 }
 
 template <class T>
@@ -141,8 +141,8 @@ void RankTraffic<T>::send_factor_tile(const plan::Task& task) {
   Message m = message_of(Cargo::factor_tile, f, task.i, task.j, size * sizeof(T) * (second ? 2 : 1) + pivot_bytes(p));
   Writer w(m.body());
   const Offset at = l.tile_offset(task.i, task.j);
-  w.put(s_.factor(f) + at, size);
-  if (second) w.put(s_.factor2(f) + at, size);
+  w.write(s_.factor(f) + at, size);
+  if (second) w.write(s_.factor2(f) + at, size);
   put_pivots(f, p, w);
   link_.post(to, std::move(m));
 }
@@ -182,8 +182,8 @@ void RankTraffic<T>::send_whole_factor(Index f) {
   const std::size_t size = count_of(l.factor_size()), parts = s_.kind == Kind::lu ? 2 : 1;
   Message m = message_of(Cargo::whole_factor, f, 0, 0, parts * size * sizeof(T) + pivot_bytes(p));
   Writer w(m.body());
-  w.put(s_.factor(f), size);
-  if (parts == 2) w.put(s_.factor2(f), size);
+  w.write(s_.factor(f), size);
+  if (parts == 2) w.write(s_.factor2(f), size);
   put_pivots(f, p, w);
   link_.post(to, std::move(m));
 }
@@ -212,8 +212,8 @@ void RankTraffic<T>::send_contribution(Index f, Index i, Index j) {
   Message m =
       message_of(whole ? Cargo::whole_contribution : Cargo::contribution_tile, f, i, j, parts * size * sizeof(T));
   Writer w(m.body());
-  w.put(s_.places + plan_.memory.contribution[f] + at, size);
-  if (parts == 2) w.put(s_.places + plan_.memory.contribution2[f] + at, size);
+  w.write(s_.places + plan_.memory.contribution[f] + at, size);
+  if (parts == 2) w.write(s_.places + plan_.memory.contribution2[f] + at, size);
   link_.post(to, std::move(m));
 }
 
@@ -283,9 +283,9 @@ void RankTraffic<T>::send_done() {
   Message m = message_of(Cargo::done, 0, halted ? 1 : 0, 0,
                          outcomes.size() * sizeof(FrontOutcome) + positions.size() * (sizeof(Index) + 1));
   Writer w(m.body());
-  w.put(outcomes.data(), outcomes.size());
-  w.put(positions.data(), positions.size());
-  w.put(states.data(), states.size());
+  w.write(outcomes.data(), outcomes.size());
+  w.write(positions.data(), positions.size());
+  w.write(states.data(), states.size());
   std::vector<int> all;
   for (int r = 0; r < link_.size(); ++r)
     if (r != me()) all.push_back(r);

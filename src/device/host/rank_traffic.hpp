@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "device/host/numeric_state.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 namespace espalier::device::host {
 
@@ -26,7 +26,7 @@ enum class Cargo : std::int32_t {
 template <class T>
 class RankTraffic {
  public:
-  RankTraffic(NumericState<T>& state, ranks::Link& link);
+  RankTraffic(NumericState<T>& state, ranks::Communicator& link);
 
   /// Before a factorization.
   void reset();
@@ -72,7 +72,7 @@ class RankTraffic {
 
   NumericState<T>& s_;
   const plan::Plan& plan_;
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   std::unique_ptr<std::atomic<bool>[]> announced_;  // fronts
   int done_ = 0;
   bool halted_ = false;

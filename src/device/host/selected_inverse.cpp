@@ -48,7 +48,7 @@ class TreeInverse {
       stacks_.emplace_back(below_.stack, budget_);
     }
     if (top_.column > 0) top_column_.emplace_back(top_.widest, top_.column, lu_, budget_);
-    for (const Part& part : parts_) {
+    for (const InverseTask& part : parts_) {
       open(part.front);
       if (part.by_all)
         make_by_all(open_.back());
@@ -60,7 +60,7 @@ class TreeInverse {
 
  private:
   // A front that all threads make, or the sub-tree begin .. front, which one thread makes.
-  struct Part {
+  struct InverseTask {
     Index front, begin;
     double flops;
     bool by_all;
@@ -71,7 +71,7 @@ class TreeInverse {
     base::Buffer<T> memory;
   };
   struct Waiting {
-    Part part;
+    InverseTask part;
     OpenFront root;
   };
 
@@ -246,7 +246,7 @@ class TreeInverse {
   }
 
   // The sub-tree of the front that was opened last waits until there are enough of them for all threads.
-  void put_off(const Part& part) {
+  void put_off(const InverseTask& part) {
     constexpr Offset kMostBytes = 256 << 20;
     waiting_.push_back({part, std::move(open_.back())});
     open_.pop_back();
@@ -276,7 +276,7 @@ class TreeInverse {
   bool lu_;
   InversePlaces wanted_;
   std::vector<char> needed_;  // fronts
-  std::vector<Part> parts_;
+  std::vector<InverseTask> parts_;
   Sizes top_, below_;  // of fronts that all threads make; of those in sub-trees
   std::vector<InverseScratch<T>> scratch_;
   std::vector<InverseColumn<T>> columns_;  // by worker, as the scratch

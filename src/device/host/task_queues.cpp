@@ -20,7 +20,7 @@ TaskQueues::TaskQueues(const plan::Plan& plan)
     std::iota(order_.begin(), order_.end(), 0);
   }
   for (std::size_t d = 0; d < devices_; ++d) {
-    Unit top{devices_ > 1 ? static_cast<Offset>(order_.size()) : 0, tasks, 0};
+    RunOfTasks top{devices_ > 1 ? static_cast<Offset>(order_.size()) : 0, tasks, 0};
     if (devices_ > 1) {
       for (Index t = a.top_task; t < tasks; ++t)
         if (a.owner(plan.tasks[t].front, plan.tasks[t].j) == static_cast<Index>(d)) order_.push_back(t);

@@ -26,7 +26,7 @@ class TaskQueues {
 
  private:
   /// Tasks handed out one after another: a sub-tree, or a device's part of the top. Places in order_.
-  struct Unit {
+  struct RunOfTasks {
     Offset begin = 0, end = 0;
     double seconds = 0;
   };
@@ -43,7 +43,7 @@ class TaskQueues {
 
   std::uint32_t open(Queue& queue);
 
-  std::vector<Unit> units_;
+  std::vector<RunOfTasks> units_;
   std::vector<Index> order_;  // numbers of tasks; empty: 0, 1, ...
   std::size_t devices_;
   bool stealing_;

@@ -130,7 +130,7 @@ class TileTask {
     wait_for_child(child);
     const Index rb = layout_.begin(i_);
     const Index cb = layout_.begin(j_);
-    Part<T> part{c_, ld_, rb, rb + rows_, cb, cb + cols_};
+    FrontBlock<T> part{c_, ld_, rb, rb + rows_, cb, cb + cols_};
     const T* lower = s_.places + plan_.memory.contribution[child];
     add_contribution(plan_, child, lower, part, false, w_.runs);
     if (!lu_) return;

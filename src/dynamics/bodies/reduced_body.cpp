@@ -19,7 +19,7 @@ Mat3 spread(const Mat3& d) { return d.trace() * Mat3::Identity() - d; }
 
 }  // namespace
 
-ReducedBody::ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, ReducedInertia inertia,
+ReducedBody::ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedBasis shapes, ReducedInertia inertia,
                          double modal_damping)
     : Component(nodal->body().name()),
       nodal_(std::move(nodal)),

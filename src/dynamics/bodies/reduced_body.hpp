@@ -26,7 +26,7 @@ namespace espalier::dynamics {
 class ReducedBody final : public Component, public Curved, public Remembers {
  public:
   /// @param modal_damping ratio of critical damping of each shape
-  ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedShapes shapes, ReducedInertia inertia, double modal_damping);
+  ReducedBody(std::unique_ptr<NodalBody> nodal, ReducedBasis shapes, ReducedInertia inertia, double modal_damping);
 
   // Settings; all before the first evaluation.
   void set_damping(const RayleighDamping& damping) { damping_ = damping; }
@@ -38,7 +38,7 @@ class ReducedBody final : public Component, public Curved, public Remembers {
 
   /// The mesh, which is no part of the system of this body.
   [[nodiscard]] const FlexibleBody& nodal() const { return nodal_->body(); }
-  [[nodiscard]] const ReducedShapes& shapes() const { return shapes_; }
+  [[nodiscard]] const ReducedBasis& shapes() const { return shapes_; }
   [[nodiscard]] Index modes() const { return static_cast<Index>(shapes_.mass.size()); }
   [[nodiscard]] double mass() const { return inertia_.mass; }
   /// All velocity coordinates; valid after place().
@@ -93,7 +93,7 @@ class ReducedBody final : public Component, public Curved, public Remembers {
   void fill_position(const StateView& s, const TangentWeights& w, Eigen::MatrixXd& block) const;
 
   std::unique_ptr<NodalBody> nodal_;
-  ReducedShapes shapes_;
+  ReducedBasis shapes_;
   ReducedInertia inertia_;
   Eigen::VectorXd viscous_;  // force per rate, of damping by ratio
   double length_;            // by which displacements are measured

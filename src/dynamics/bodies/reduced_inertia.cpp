@@ -26,7 +26,7 @@ MatrixXd mass_times(const FlexibleBody& body, const MatrixXd& x) {
 
 }  // namespace
 
-ReducedInertia inertia_of_mesh(const FlexibleBody& body, const ReducedShapes& shapes) {
+ReducedInertia inertia_of_mesh(const FlexibleBody& body, const ReducedBasis& shapes) {
   ReducedInertia out;
   out.mass = body.mass_properties(body.reference(), {}).mass;
   MatrixXd rest = Eigen::Map<const MatrixXd>(body.reference().data(), 3 * body.vertices(), 1);

@@ -16,6 +16,6 @@ struct ReducedInertia {
 };
 
 /// Those of a mesh with its consistent mass.
-[[nodiscard]] ReducedInertia inertia_of_mesh(const FlexibleBody& body, const ReducedShapes& shapes);
+[[nodiscard]] ReducedInertia inertia_of_mesh(const FlexibleBody& body, const ReducedBasis& shapes);
 
 }  // namespace espalier::dynamics

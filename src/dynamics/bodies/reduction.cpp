@@ -69,8 +69,8 @@ MatrixXd orthonormal(const SparseMatrix& mass, const Rigid& rigid, MatrixXd x) {
 }
 
 /// Shapes that are orthogonal in the stiffness, too, each with 1 as its largest displacement.
-ReducedShapes scaled_shapes(const FlexibleBody& body, const SparseMatrix& stiffness, const MatrixXd& x) {
-  ReducedShapes out;
+ReducedBasis scaled_shapes(const FlexibleBody& body, const SparseMatrix& stiffness, const MatrixXd& x) {
+  ReducedBasis out;
   out.mass.resize(x.cols());
   out.stiffness.resize(x.cols());
   out.shapes.resize(x.rows(), x.cols());
@@ -105,8 +105,8 @@ NodalBody::NodalBody(std::unique_ptr<FlexibleBody> body) : body_(&system_.add(st
 
 SparseMatrix NodalBody::matrix(const TangentWeights& weights) { return reference_matrix(system_, *body_, weights); }
 
-ReducedShapes reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> interfaces, const MatrixXd& loads,
-                     const ReductionOptions& options, const Options& solver) {
+ReducedBasis reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> interfaces, const MatrixXd& loads,
+                    const ReductionOptions& options, const Options& solver) {
   const FlexibleBody& body = nodal.body();
   const SparseMatrix mass = nodal.mass(), stiffness = nodal.stiffness();
   if (body.inverted_element() >= 0)
@@ -129,7 +129,7 @@ ReducedShapes reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> int
   }
   MatrixXd all(mass.cols, fixed.cols() + modes.cols());
   all << fixed, modes;
-  ReducedShapes out = scaled_shapes(body, stiffness, orthonormal(mass, rigid, std::move(all)));
+  ReducedBasis out = scaled_shapes(body, stiffness, orthonormal(mass, rigid, std::move(all)));
   out.centre = rigid.centre;
   out.from_interfaces = std::max<Index>(0, static_cast<Index>(out.mass.size() - modes.cols()));
   return out;

@@ -25,7 +25,7 @@ struct ReductionOptions {
 
 /// Shapes of small strain of a body at rest in its reference state. They are orthogonal in the mass and in the
 /// stiffness of the mesh, and to the six rigid motions; the largest displacement of a node is 1 in each.
-struct ReducedShapes {
+struct ReducedBasis {
   Eigen::MatrixXd shapes;           ///< 3 numbers for every vertex; columns rise by frequency
   Eigen::VectorXd mass, stiffness;  ///< of each shape; stiffness / mass is the square of its angular frequency
   Eigen::Vector3d centre;           ///< of mass, in the axes of the mesh
@@ -55,8 +55,7 @@ class NodalBody {
 /// @param loads force vectors, 3 numbers for every vertex
 /// @throws Error(invalid_input) for a body that has no inertia about an axis, or shapes without stiffness; what the
 /// solver reports
-[[nodiscard]] ReducedShapes reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> interfaces,
-                                   const Eigen::MatrixXd& loads, const ReductionOptions& options,
-                                   const Options& solver);
+[[nodiscard]] ReducedBasis reduce(NodalBody& nodal, std::span<const FlexibleFrame* const> interfaces,
+                                  const Eigen::MatrixXd& loads, const ReductionOptions& options, const Options& solver);
 
 }  // namespace espalier::dynamics

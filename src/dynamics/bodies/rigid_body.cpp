@@ -20,7 +20,7 @@ Quat quat(ConstSpan x, Index at) {
 }
 
 template <class Vector>
-void put(Span x, Index at, const Vector& value) {
+void write_at(Span x, Index at, const Vector& value) {
   for (Eigen::Index k = 0; k < value.size(); ++k) x[static_cast<std::size_t>(at + k)] = value[k];
 }
 
@@ -59,46 +59,46 @@ std::string RigidBody::coordinate_name(Index local_coordinate) const {
 }
 
 void RigidBody::initial(Span q, Span v) const {
-  put(q, placement().q, data_.position);
-  put(q, placement().q + 3, data_.rotation);
-  put(v, placement().v, data_.velocity);
-  put(v, placement().v + 3, Vec3(rotation_matrix(data_.rotation).transpose() * data_.angular_velocity));
+  write_at(q, placement().q, data_.position);
+  write_at(q, placement().q + 3, data_.rotation);
+  write_at(v, placement().v, data_.velocity);
+  write_at(v, placement().v + 3, Vec3(rotation_matrix(data_.rotation).transpose() * data_.angular_velocity));
 }
 
 void RigidBody::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
-  put(q_out, placement().q, Vec3(vec3(q, placement().q) + vec3(dq, placement().v)));
+  write_at(q_out, placement().q, Vec3(vec3(q, placement().q) + vec3(dq, placement().v)));
   const Quat moved = multiply(quat(q, placement().q + 3), quaternion_exp(vec3(dq, placement().v + 3)));
-  put(q_out, placement().q + 3, Quat(moved / moved.norm()));
+  write_at(q_out, placement().q + 3, Quat(moved / moved.norm()));
 }
 
 void RigidBody::local(ConstSpan base, ConstSpan q, Span theta) const {
-  put(theta, placement().v, Vec3(vec3(q, placement().q) - vec3(base, placement().q)));
+  write_at(theta, placement().v, Vec3(vec3(q, placement().q) - vec3(base, placement().q)));
   Quat inverse = quat(base, placement().q + 3);
   inverse.tail<3>() *= -1;
-  put(theta, placement().v + 3, quaternion_log(multiply(inverse, quat(q, placement().q + 3))));
+  write_at(theta, placement().v + 3, quaternion_log(multiply(inverse, quat(q, placement().q + 3))));
 }
 
 void RigidBody::velocity_of_rate(ConstSpan theta, ConstSpan theta_dot, Span v) const {
   const Index at = placement().v;
-  put(v, at, vec3(theta_dot, at));
-  put(v, at + 3, tangent_times(vec3(theta, at + 3), vec3(theta_dot, at + 3)));
+  write_at(v, at, vec3(theta_dot, at));
+  write_at(v, at + 3, tangent_times(vec3(theta, at + 3), vec3(theta_dot, at + 3)));
 }
 
 void RigidBody::rate_of_velocity(ConstSpan theta, ConstSpan v, Span theta_dot) const {
   const Index at = placement().v;
-  put(theta_dot, at, vec3(v, at));
-  put(theta_dot, at + 3, inverse_tangent_transposed_times(vec3(theta, at + 3), vec3(v, at + 3)));
+  write_at(theta_dot, at, vec3(v, at));
+  write_at(theta_dot, at + 3, inverse_tangent_transposed_times(vec3(theta, at + 3), vec3(v, at + 3)));
 }
 
 void RigidBody::carry(ConstSpan theta, std::span<const Span> vectors) const {
   const Index at = placement().v + 3;
   const Quat turn = quaternion_exp(vec3(theta, at));
-  for (const Span x : vectors) put(x, at, turned_back(turn, vec3(x, at)));
+  for (const Span x : vectors) write_at(x, at, turned_back(turn, vec3(x, at)));
 }
 
 void RigidBody::magnitude(ConstSpan q, Span out) const {
-  put(out, placement().v, Vec3(vec3(q, placement().q).cwiseAbs()));
-  put(out, placement().v + 3, Vec3(Vec3::Ones()));
+  write_at(out, placement().v, Vec3(vec3(q, placement().q).cwiseAbs()));
+  write_at(out, placement().v + 3, Vec3(Vec3::Ones()));
 }
 
 void RigidBody::declare(PatternBuilder& w, PatternBuilder& /*phi_q*/) const {

@@ -6,15 +6,15 @@
 namespace espalier::dynamics::contact {
 
 void RigidContact::save(std::vector<double>& out) const {
-  const auto put = [&](const Vec3& x) { out.insert(out.end(), x.data(), x.data() + 3); };
+  const auto append = [&](const Vec3& x) { out.insert(out.end(), x.data(), x.data() + 3); };
   out.push_back(static_cast<double>(pattern_.size()));
   for (const auto& [a, b] : pattern_) out.insert(out.end(), {static_cast<double>(a), static_cast<double>(b)});
   out.push_back(static_cast<double>(memory_.size()));
   for (const Memory& m : memory_) {
     out.insert(out.end(), {static_cast<double>(m.pair[0]), static_cast<double>(m.pair[1])});
     out.insert(out.end(), {static_cast<double>(m.id >> 32U), static_cast<double>(m.id & 0xffffffffU), m.damping});
-    put(m.normal);
-    for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm}) put(*x);
+    append(m.normal);
+    for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm}) append(*x);
     out.insert(out.end(), m.ends.turn.data(), m.ends.turn.data() + 9);
     if (law_.impulse) out.push_back(m.begin);
   }
@@ -25,8 +25,8 @@ void RigidContact::save(std::vector<double>& out) const {
   // The pairs that are near, and until when: a new search would see others, and the pattern would grow at other times.
   out.push_back(static_cast<double>(widened_.size()));
   for (const Box& b : widened_) {
-    put(b.low);
-    put(b.high);
+    append(b.low);
+    append(b.high);
   }
   out.push_back(static_cast<double>(pairs_.size()));
   for (const Pair& p : pairs_) out.insert(out.end(), {static_cast<double>(p[0]), static_cast<double>(p[1])});

@@ -6,7 +6,7 @@
 namespace espalier::dynamics::contact {
 
 void SolidContact::save(std::vector<double>& out) const {
-  const auto put = [&](const FaceSpot& spot) {
+  const auto append = [&](const FaceSpot& spot) {
     out.insert(out.end(), {static_cast<double>(spot.face), spot.xi[0], spot.xi[1]});
   };
   out.push_back(static_cast<double>(pattern_.size()));
@@ -15,14 +15,14 @@ void SolidContact::save(std::vector<double>& out) const {
   out.push_back(static_cast<double>(points_.size()));
   for (std::size_t k = 0; k < points_.size(); ++k) {
     const Memory& m = memory_[k];
-    put(points_[k].spot);
+    append(points_[k].spot);
     out.insert(out.end(),
                {points_[k].weight, static_cast<double>(points_[k].opposite), made_at_[k][0], made_at_[k][1]});
     out.insert(out.end(), {m.layer, m.touched ? 1.0 : 0.0});
     for (const Vec3* x : {&m.ends.on_first, &m.ends.on_second, &m.ends.arm, &m.hold.arm, &m.hold.tangent})
       out.insert(out.end(), x->data(), x->data() + 3);
     out.insert(out.end(), m.ends.turn.data(), m.ends.turn.data() + 9);
-    put(m.anchor);
+    append(m.anchor);
   }
   for (const auto* boxes : {&widened_first_, &widened_second_}) {
     out.push_back(static_cast<double>(boxes->size()));

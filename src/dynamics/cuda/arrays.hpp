@@ -9,7 +9,7 @@
 #include "base/thread_pool.hpp"
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
-#include "device/cuda/runtime/host_link.hpp"
+#include "device/cuda/runtime/host_transfer.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics::cuda {
@@ -31,7 +31,7 @@ class Gpu {
   DeviceBudget budget;
   device::cuda::Stream stream;
   base::ThreadPool* pool;  ///< null: the calling thread alone
-  device::cuda::HostLink link{kLinkBuffer};
+  device::cuda::HostTransfer link{kLinkBuffer};
 
   /// Calls body(begin, end) for parts of 0 .. count, on several threads.
   template <class Body>

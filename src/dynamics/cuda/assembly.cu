@@ -20,7 +20,7 @@ class CudaAssembly final : public DeviceAssembly {
       : places_(places), pool_(pool), first_(open(places.gpus.at(0), pool)), own_(places.gpus.size()) {}
   std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) override {
     try {
-      const auto make = [this](const BodyPart& part) { return make_part(part); };
+      const auto make = [this](const BodySubdomain& part) { return make_part(part); };
       if (auto divided = make_divided_body(tables, places_, fewest_, pool_, make)) return divided;
     } catch (const Error& error) {  // the first GPU may have room for all of it
       if (error.status().code != StatusCode::out_of_memory) throw;
@@ -37,7 +37,7 @@ class CudaAssembly final : public DeviceAssembly {
 
  private:
   // Parts on the first GPU have a stream of their own, too: there, states leave while elements are at work.
-  PartOnGpu make_part(const BodyPart& part) {
+  SubdomainOnGpu make_part(const BodySubdomain& part) {
     std::unique_ptr<Gpu>& own = own_[static_cast<std::size_t>(part.place)];
     if (own == nullptr) own = open(places_.gpus[static_cast<std::size_t>(part.place)], pool_);
     return {std::make_unique<CudaBody>(part.tables(), *own), std::make_unique<CudaCarrier>(part, *first_, *own),

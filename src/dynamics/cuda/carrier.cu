@@ -43,7 +43,7 @@ void copy_between(double* to, const Gpu& there, const double* from, const Gpu& h
 
 }  // namespace
 
-CudaCarrier::CudaCarrier(const BodyPart& part, Gpu& first, Gpu& own)
+CudaCarrier::CudaCarrier(const BodySubdomain& part, Gpu& first, Gpu& own)
     : first_(first), own_(own), vertices_(static_cast<Offset>(part.vertices.size())) {
   {
     const DeviceGuard guard(first_.number);

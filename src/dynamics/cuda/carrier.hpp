@@ -14,7 +14,7 @@ namespace espalier::dynamics::cuda {
 class CudaCarrier final : public PartCarrier {
  public:
   /// @param first  where states and K are @param own  of the part; another object even on the same GPU
-  CudaCarrier(const BodyPart& part, Gpu& first, Gpu& own);
+  CudaCarrier(const BodySubdomain& part, Gpu& first, Gpu& own);
   BodyState bring(const BodyState& body) override;
   [[nodiscard]] double* forces() override { return forces_.data(); }
   void take_forces(double* f) override;

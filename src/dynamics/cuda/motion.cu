@@ -48,12 +48,12 @@ __global__ void join_kernel(Offset count, const MotionRecord* records, MotionRec
   if (threadIdx.x == 0) *to = all;
 }
 
-__global__ void look_kernel(Offset count, const Index* list, const double* from, double* to) {
+__global__ void gather_kernel(Offset count, const Index* list, const double* from, double* to) {
   const Offset k = this_thread();
   if (k < count) to[k] = from[list[k]];
 }
 
-__global__ void put_kernel(Offset count, const Index* list, const double* values, bool add, double* to) {
+__global__ void scatter_kernel(Offset count, const Index* list, const double* values, bool add, double* to) {
   const Offset k = this_thread();
   if (k < count) to[list[k]] = add ? to[list[k]] + values[k] : values[k];
 }
@@ -80,8 +80,8 @@ CudaMotion::CudaMotion(const Sizes& sizes, const MotionDemand& demand, const Dev
   seen_ = upload<Index>(share.seen, gpu_);
   right_side_ = upload<Index>(right_side, gpu_);
   const Offset longest = std::max({seen_.size(), right_side_.size(), Offset{1}});
-  looked_ = make_array<double>(kMostLooks * longest, gpu_);
-  looked_at_ = PinnedArray<double>(kMostLooks * longest);
+  gathered_ = make_array<double>(kMostGathered * longest, gpu_);
+  gathered_on_host_ = PinnedArray<double>(kMostGathered * longest);
   for (const DeviceShare::Range& r : ranges_) blocks_ += (r.count + kBlock - 1) / kBlock;
   records_ = make_array<MotionRecord>(blocks_ + 1, gpu_);
   record_ = PinnedArray<MotionRecord>(1);
@@ -136,30 +136,30 @@ void CudaMotion::fetch(const double* from, Span to) {
   gpu_.fetch(from, to);
 }
 
-ConstSpan CudaMotion::look(List list, std::span<const double* const> from) {
+ConstSpan CudaMotion::gather(List list, std::span<const double* const> from) {
   const DeviceGuard guard(gpu_.number);
   const DeviceArray<Index>& places = of(list);
   const Offset count = places.size(), all = count * static_cast<Offset>(from.size());
   if (count == 0) return {};
   for (std::size_t k = 0; k < from.size(); ++k) {
-    look_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(
-        count, places.data(), from[k], looked_.data() + static_cast<Offset>(k) * count);
-    call("launch of a look", [&] { return cudaGetLastError(); });
+    gather_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(
+        count, places.data(), from[k], gathered_.data() + static_cast<Offset>(k) * count);
+    call("launch of a gather", [&] { return cudaGetLastError(); });
   }
-  copy(looked_at_.data(), looked_.data(), all, cudaMemcpyDeviceToHost, gpu_);
+  copy(gathered_on_host_.data(), gathered_.data(), all, cudaMemcpyDeviceToHost, gpu_);
   gpu_.stream.wait();
-  return {looked_at_.data(), static_cast<std::size_t>(all)};
+  return {gathered_on_host_.data(), static_cast<std::size_t>(all)};
 }
 
-void CudaMotion::put(List list, ConstSpan values, double* to, bool add) {
+void CudaMotion::scatter(List list, ConstSpan values, double* to, bool add) {
   if (values.empty()) return;
   const DeviceGuard guard(gpu_.number);
   const DeviceArray<Index>& places = of(list);
   const Offset count = places.size();
-  gpu_.send(values, looked_.data());
-  put_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, places.data(), looked_.data(), add,
-                                                                              to);
-  call("launch of a put", [&] { return cudaGetLastError(); });
+  gpu_.send(values, gathered_.data());
+  scatter_kernel<<<blocks_for(count, kThreads), kThreads, 0, gpu_.stream.get()>>>(count, places.data(),
+                                                                                  gathered_.data(), add, to);
+  call("launch of a scatter", [&] { return cudaGetLastError(); });
 }
 
 }  // namespace espalier::dynamics::cuda

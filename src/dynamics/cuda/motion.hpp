@@ -21,14 +21,14 @@ class CudaMotion final : public DeviceMotion {
   [[nodiscard]] MotionRecord measure(const MotionMeasure& what) override;
   void send(ConstSpan from, double* to) override;
   void fetch(const double* from, Span to) override;
-  [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override;
-  void set(List list, ConstSpan values, double* to) override { put(list, values, to, false); }
-  void add(List list, ConstSpan values, double* to) override { put(list, values, to, true); }
+  [[nodiscard]] ConstSpan gather(List list, std::span<const double* const> from) override;
+  void set(List list, ConstSpan values, double* to) override { scatter(list, values, to, false); }
+  void add(List list, ConstSpan values, double* to) override { scatter(list, values, to, true); }
 
  private:
-  static constexpr int kMostLooks = 4;  // vectors that look() takes at a time
+  static constexpr int kMostGathered = 4;  // vectors that gather() takes at a time
   [[nodiscard]] const DeviceArray<Index>& of(List list) const { return list == List::seen ? seen_ : right_side_; }
-  void put(List list, ConstSpan values, double* to, bool add);
+  void scatter(List list, ConstSpan values, double* to, bool add);
 
   Gpu& gpu_;
   int points_;
@@ -36,8 +36,8 @@ class CudaMotion final : public DeviceMotion {
   MotionArrays arrays_;
   DeviceArray<double> vectors_;  // all of them
   DeviceArray<Index> seen_, right_side_;
-  DeviceArray<double> looked_;  // numbers of a list, on their way
-  PinnedArray<double> looked_at_;
+  DeviceArray<double> gathered_;  // numbers of a list, on their way
+  PinnedArray<double> gathered_on_host_;
   DeviceArray<MotionRecord> records_;  // of blocks, and the last one of all
   PinnedArray<MotionRecord> record_;
   Offset blocks_;

@@ -78,18 +78,18 @@ void AssembledSystem::divide_coordinates(const SparsePattern& w_of_host) {
       share.ranges.push_back({at.q, at.v, own.velocity});
     }
   }
-  const auto see = [&](Index coordinate) {
+  const auto mark_seen = [&](Index coordinate) {
     char& m = mark[static_cast<std::size_t>(coordinate)];
     if (m == 0) m = 2;
   };
   for (Index j = 0; j < w_of_host.cols; ++j)
     for (Offset p = w_of_host.ptr[static_cast<std::size_t>(j)]; p < w_of_host.ptr[static_cast<std::size_t>(j) + 1];
          ++p) {
-      see(j);
-      see(w_of_host.ind[static_cast<std::size_t>(p)]);
+      mark_seen(j);
+      mark_seen(w_of_host.ind[static_cast<std::size_t>(p)]);
     }
   for (const auto* pattern : {&phi_q_pattern_, &f_lambda_pattern_})
-    for (const Index coordinate : pattern->ind) see(coordinate);
+    for (const Index coordinate : pattern->ind) mark_seen(coordinate);
   for (std::size_t j = 0; j < mark.size(); ++j)
     if (mark[j] == 1) share.own.push_back(static_cast<Index>(j));
   for (const DeviceShare::Range& r : share.ranges)

@@ -29,9 +29,9 @@ double side_of(const Branch& b, double absolute) {
 
 bool on_switch(const Branch& b, double side) { return b.levels ? side != std::floor(side) : side == 0; }
 
-class Search {
+class SwitchLocator {
  public:
-  Search(const StepPath& path, const BranchesOf& branches) : path_(path), branches_(branches) {
+  SwitchLocator(const StepPath& path, const BranchesOf& branches) : path_(path), branches_(branches) {
     samples_.push_back(sample(0));
     const Branches& first = samples_.front().values;
     if (first.empty()) return;
@@ -162,7 +162,7 @@ const State& StepPath::at(double share) const {
   return samples_.back()->state;
 }
 
-double first_unseen(const StepPath& path, const BranchesOf& branches) { return Search(path, branches).result(); }
+double first_unseen(const StepPath& path, const BranchesOf& branches) { return SwitchLocator(path, branches).result(); }
 
 std::vector<Switching*> switching_laws(const System& system) {
   std::vector<Switching*> laws;

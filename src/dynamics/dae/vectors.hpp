@@ -39,8 +39,8 @@ void for_each_entry(base::ThreadPool* pool, std::size_t n, const Body& body) {
 
 /// What part(begin, end) says of each block of [0, n), combined from the first to the last: combine(sum, next). A
 /// default Result stands for nothing.
-template <class Result, class Part, class Combine>
-[[nodiscard]] Result reduce_blocks(base::ThreadPool* pool, std::size_t n, const Part& part, const Combine& combine) {
+template <class Result, class Partial, class Combine>
+[[nodiscard]] Result reduce_blocks(base::ThreadPool* pool, std::size_t n, const Partial& part, const Combine& combine) {
   Result all{};
   if (n <= static_cast<std::size_t>(kVectorBlock)) {
     combine(all, part(std::size_t{0}, n));
@@ -63,8 +63,8 @@ template <class Term>
 /// The largest absolute value; a NaN is larger than all. Bits of numbers without their sign rise with the numbers.
 class LargestValue {
  public:
-  void see(double x) { bits_ = std::max(bits_, std::bit_cast<std::uint64_t>(x) & ~kSign); }
-  void see(const LargestValue& other) { bits_ = std::max(bits_, other.bits_); }
+  void include(double x) { bits_ = std::max(bits_, std::bit_cast<std::uint64_t>(x) & ~kSign); }
+  void include(const LargestValue& other) { bits_ = std::max(bits_, other.bits_); }
   [[nodiscard]] double value() const { return std::bit_cast<double>(bits_); }
 
  private:
@@ -89,12 +89,12 @@ template <class Term>
                LargestValue largest[2];
                std::size_t i = begin;
                for (; i + 2 <= end; i += 2)
-                 for (std::size_t k = 0; k < 2; ++k) largest[k].see(term(i + k));
-               for (; i < end; ++i) largest[0].see(term(i));
-               largest[0].see(largest[1]);
+                 for (std::size_t k = 0; k < 2; ++k) largest[k].include(term(i + k));
+               for (; i < end; ++i) largest[0].include(term(i));
+               largest[0].include(largest[1]);
                return largest[0];
              },
-             [](LargestValue& all, const LargestValue& next) { all.see(next); })
+             [](LargestValue& all, const LargestValue& next) { all.include(next); })
       .value();
 }
 

@@ -14,8 +14,8 @@ class Division {
   Division(const DeviceBodyTables& body, std::span<const Index> place_of_vertex)
       : body_(body), place_of_vertex_(place_of_vertex), local_(at(body.vertices())) {}
 
-  BodyPart part(Index place) {
-    BodyPart part{};
+  BodySubdomain part(Index place) {
+    BodySubdomain part{};
     part.place = place;
     part.mass_damping = body_.mass_damping;
     part.stiffness_damping = body_.stiffness_damping;
@@ -29,12 +29,12 @@ class Division {
 
  private:
   static constexpr Index kAbsent = -1, kPresent = 0;
-  [[nodiscard]] bool owns(const BodyPart& part, Index vertex) const {
+  [[nodiscard]] bool owns(const BodySubdomain& part, Index vertex) const {
     return place_of_vertex_[at(vertex)] == part.place;
   }
 
   // Those with an own vertex. Marks their vertices.
-  void take_elements(BodyPart& part) {
+  void take_elements(BodySubdomain& part) {
     std::fill(local_.begin(), local_.end(), kAbsent);
     for (Index v = 0; v < body_.vertices(); ++v)
       if (owns(part, v)) local_[at(v)] = kPresent;
@@ -53,7 +53,7 @@ class Division {
     }
   }
 
-  void number_vertices(BodyPart& part) {
+  void number_vertices(BodySubdomain& part) {
     for (Index v = 0; v < body_.vertices(); ++v) {
       if (local_[at(v)] == kAbsent) continue;
       local_[at(v)] = static_cast<Index>(part.vertices.size());
@@ -66,7 +66,7 @@ class Division {
     }
   }
 
-  void take_columns(BodyPart& part) const {
+  void take_columns(BodySubdomain& part) const {
     const VertexPattern& all = *body_.pattern;
     part.pattern.ptr.push_back(0);
     for (const Index v : part.vertices) {
@@ -86,7 +86,7 @@ class Division {
 
 }  // namespace
 
-DeviceBodyTables BodyPart::tables() const {
+DeviceBodyTables BodySubdomain::tables() const {
   DeviceBodyTables t;
   t.groups = groups;
   t.reference = reference;
@@ -98,12 +98,12 @@ DeviceBodyTables BodyPart::tables() const {
   return t;
 }
 
-std::vector<BodyPart> divide_body(const DeviceBodyTables& body, std::span<const Index> place_of_vertex) {
+std::vector<BodySubdomain> divide_body(const DeviceBodyTables& body, std::span<const Index> place_of_vertex) {
   std::vector<Index> places(place_of_vertex.begin(), place_of_vertex.end());
   std::sort(places.begin(), places.end());
   places.erase(std::unique(places.begin(), places.end()), places.end());
   Division division(body, place_of_vertex);
-  std::vector<BodyPart> parts;
+  std::vector<BodySubdomain> parts;
   for (const Index place : places) parts.push_back(division.part(place));
   return parts;
 }

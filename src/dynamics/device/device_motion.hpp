@@ -44,7 +44,7 @@ class DeviceMotion {
     right_side,  ///< `own`, and behind them the m rows of the constraints
   };
   /// Their numbers in each of the vectors, one vector after the other; to be read until the next call. Waits.
-  [[nodiscard]] virtual ConstSpan look(List list, std::span<const double* const> from) = 0;
+  [[nodiscard]] virtual ConstSpan gather(List list, std::span<const double* const> from) = 0;
   /// to_i := or += one of `values` for each of the list.
   virtual void set(List list, ConstSpan values, double* to) = 0;
   virtual void add(List list, ConstSpan values, double* to) = 0;

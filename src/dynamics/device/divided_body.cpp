@@ -13,15 +13,15 @@ namespace {
 
 class DividedBody final : public DeviceBody {
  public:
-  DividedBody(std::vector<BodyPart> parts, base::ThreadPool* pool, const MakePart& make) : pool_(pool) {
-    for (BodyPart& part : parts) {
-      PartOnGpu there = make(part);
+  DividedBody(std::vector<BodySubdomain> parts, base::ThreadPool* pool, const MakePart& make) : pool_(pool) {
+    for (BodySubdomain& part : parts) {
+      SubdomainOnGpu there = make(part);
       parts_.push_back({std::move(part), std::move(there), {}, {}});
     }
   }
 
   void bind(std::span<const Offset> column_start, std::span<const std::int32_t> shift) override {
-    for (Part& part : parts_) {
+    for (Subdomain& part : parts_) {
       if (part.there.first)
         bind_in_place(part, column_start, shift);
       else
@@ -35,12 +35,12 @@ class DividedBody final : public DeviceBody {
   }
 
   void start_forces(const BodyState& state) override {
-    for (Part& part : parts_) part.there.body->start_forces(of_part(part, state));
+    for (Subdomain& part : parts_) part.there.body->start_forces(of_part(part, state));
   }
 
   Offset finish_forces(double load, const double* /*weight*/, double* f) override {
     Offset inverted = -1;
-    for (Part& part : parts_) {
+    for (Subdomain& part : parts_) {
       part.forces.assign(3 * part.of.vertices.size(), 0.0);
       note(inverted, part, part.there.body->finish_forces(load, part.of.weight.data(), part.forces.data()));
       for_each_of(part.of.own, [&](std::size_t, std::size_t local) {
@@ -51,14 +51,14 @@ class DividedBody final : public DeviceBody {
   }
 
   void put_forces(double load, double* f) override {
-    for (Part& part : parts_) {
+    for (Subdomain& part : parts_) {
       part.there.body->put_forces(load, part.there.carrier->forces());
       part.there.carrier->take_forces(f);
     }
   }
 
   void start_tangent(const BodyState& state, const TangentWeights& weights, double* values) override {
-    for (Part& part : parts_) {
+    for (Subdomain& part : parts_) {
       PartCarrier& carrier = *part.there.carrier;
       part.there.body->start_tangent(of_part(part, state), weights, carrier.values(values));
       carrier.take_values(values);
@@ -67,7 +67,7 @@ class DividedBody final : public DeviceBody {
 
   Offset finish() override {
     Offset inverted = -1;
-    for (Part& part : parts_) {
+    for (Subdomain& part : parts_) {
       note(inverted, part, part.there.body->finish());
       part.there.carrier->finish();
     }
@@ -75,9 +75,9 @@ class DividedBody final : public DeviceBody {
   }
 
  private:
-  struct Part {
-    BodyPart of;
-    PartOnGpu there;
+  struct Subdomain {
+    BodySubdomain of;
+    SubdomainOnGpu there;
     std::vector<double> state;   // of the host, on its way: q, v, a
     std::vector<double> forces;  // likewise
   };
@@ -91,7 +91,7 @@ class DividedBody final : public DeviceBody {
     });
   }
 
-  BodyState of_part(Part& part, const BodyState& body) const {
+  BodyState of_part(Subdomain& part, const BodyState& body) const {
     if (body.there) return part.there.carrier->bring(body);
     const std::size_t numbers = 3 * part.of.vertices.size();
     part.state.resize(3 * numbers);
@@ -105,7 +105,7 @@ class DividedBody final : public DeviceBody {
     return {gathered(body.q, 0), gathered(body.v, 1), gathered(body.a, 2), false};
   }
 
-  static void note(Offset& inverted, const Part& part, Offset found) {
+  static void note(Offset& inverted, const Subdomain& part, Offset found) {
     if (found < 0) return;
     const Offset element = part.of.elements[at(found)];
     inverted = inverted < 0 ? element : std::min(inverted, element);
@@ -113,18 +113,19 @@ class DividedBody final : public DeviceBody {
 
   // visit(entry of the part, its local column, j) for each column of a block, column by column.
   template <class Visit>
-  static void for_each_piece(const BodyPart& part, const Visit& visit) {
+  static void for_each_piece(const BodySubdomain& part, const Visit& visit) {
     for (const Index c : part.own)
       for (int j = 0; j < 3; ++j)
         for (Offset e = part.pattern.ptr[at(c)]; e < part.pattern.ptr[at(c) + 1]; ++e) visit(e, c, j);
   }
 
-  static Offset position(const BodyPart& part, Offset e, Index c, int j, std::span<const Offset> column_start,
+  static Offset position(const BodySubdomain& part, Offset e, Index c, int j, std::span<const Offset> column_start,
                          std::span<const std::int32_t> shift) {
     return column_start[3 * at(part.vertices[at(c)]) + at(j)] + shift[3 * at(part.entries[at(e)]) + at(j)];
   }
 
-  static void bind_in_place(Part& part, std::span<const Offset> column_start, std::span<const std::int32_t> shift) {
+  static void bind_in_place(Subdomain& part, std::span<const Offset> column_start,
+                            std::span<const std::int32_t> shift) {
     std::vector<Offset> starts(3 * part.of.vertices.size());
     std::vector<std::int32_t> shifts(3 * part.of.entries.size());
     for_each_piece(part.of, [&](Offset e, Index c, int j) {
@@ -134,7 +135,7 @@ class DividedBody final : public DeviceBody {
     part.there.body->bind(starts, shifts);
   }
 
-  static void bind_apart(Part& part, std::span<const Offset> column_start, std::span<const std::int32_t> shift) {
+  static void bind_apart(Subdomain& part, std::span<const Offset> column_start, std::span<const std::int32_t> shift) {
     std::vector<Offset> starts(3 * part.of.vertices.size()), positions;
     std::vector<std::int32_t> shifts(3 * part.of.entries.size());
     for_each_piece(part.of, [&](Offset e, Index c, int j) {
@@ -149,7 +150,7 @@ class DividedBody final : public DeviceBody {
   }
 
   base::ThreadPool* pool_;
-  std::vector<Part> parts_;
+  std::vector<Subdomain> parts_;
 };
 
 }  // namespace

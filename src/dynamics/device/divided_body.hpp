@@ -34,12 +34,12 @@ class PartCarrier {
 };
 
 /// What stands for a part.
-struct PartOnGpu {
+struct SubdomainOnGpu {
   std::unique_ptr<DeviceBody> body;
   std::unique_ptr<PartCarrier> carrier;
   bool first;  ///< on the first GPU
 };
-using MakePart = std::function<PartOnGpu(const BodyPart& part)>;
+using MakePart = std::function<SubdomainOnGpu(const BodySubdomain& part)>;
 
 /// By the GPUs that eliminate the vertices' first coordinates.
 /// @param fewest  elements; a body of fewer is not divided

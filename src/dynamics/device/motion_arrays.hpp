@@ -69,7 +69,7 @@ struct MotionMeasure {
   Sum sums[MotionRecord::kSums] = {};
   ESPALIER_ANYWHERE void add(const MotionArrays& s, std::size_t i, MotionRecord& all) const {
     for (int k = 0; k < MotionRecord::kLargest; ++k)
-      if (largest[k] != nullptr) see((s.*largest[k])[i], all.largest[k]);
+      if (largest[k] != nullptr) keep_larger((s.*largest[k])[i], all.largest[k]);
     for (int k = 0; k < MotionRecord::kSums; ++k) {
       const Sum& of = sums[k];
       if (of.x == nullptr) continue;
@@ -78,12 +78,12 @@ struct MotionMeasure {
     }
   }
   static ESPALIER_ANYWHERE void join(MotionRecord& all, const MotionRecord& next) {
-    for (int k = 0; k < MotionRecord::kLargest; ++k) see(next.largest[k], all.largest[k]);
+    for (int k = 0; k < MotionRecord::kLargest; ++k) keep_larger(next.largest[k], all.largest[k]);
     for (int k = 0; k < MotionRecord::kSums; ++k) all.sum[k] += next.sum[k];
   }
 
  private:
-  static ESPALIER_ANYWHERE void see(double x, double& most) {
+  static ESPALIER_ANYWHERE void keep_larger(double x, double& most) {
     const double size = x < 0 ? -x : x;
     if (most == most && !(size <= most)) most = size;
   }

@@ -15,9 +15,9 @@ constexpr int kParts = 3;  // chord r2 - r1, slopes r1_x and r2_x: positions cou
 
 /// Shape functions on an element of length 1 at the points of a rule, found once.
 template <std::size_t kPoints>
-struct UnitShapes {
+struct ShapeFunctions {
   double d[kPoints][kParts], dd[kPoints][kParts], weight[kPoints];
-  explicit UnitShapes(const LinePoint (&rule)[kPoints]) {
+  explicit ShapeFunctions(const LinePoint (&rule)[kPoints]) {
     for (std::size_t k = 0; k < kPoints; ++k) {
       const Hermite h(rule[k].xi, 1);
       const double first[kParts] = {h.d[2], h.d[1], h.d[3]}, second[kParts] = {h.dd[2], h.dd[1], h.dd[3]};
@@ -27,11 +27,11 @@ struct UnitShapes {
     }
   }
 };
-const UnitShapes<5> kAxialShapes(kGauss5);
-const UnitShapes<3> kBendingShapes(kGauss3);
+const ShapeFunctions<5> kAxialShapes(kGauss5);
+const ShapeFunctions<3> kBendingShapes(kGauss3);
 
 /// Chord and slopes, and what belongs to them: forces, and blocks of the tangent by pairs.
-struct Parts {
+struct Terms {
   V3 at[kParts], rate[kParts], force[kParts];
   M3 tangent[kParts][kParts];  // [column][row]
   double energy = 0;
@@ -54,14 +54,14 @@ struct Weights {
 
 /// eps = |r'| - 1: eps' = t = r' / |r'|, eps'' = (I - t t^T) / |r'|.
 template <bool kTangent>
-ESPALIER_INLINE bool add_axial(const double (&c)[kParts], const Weights& w, Parts& parts) {
-  const V3 slope = Parts::sum(c, parts.at);
+ESPALIER_INLINE bool add_axial(const double (&c)[kParts], const Weights& w, Terms& parts) {
+  const V3 slope = Terms::sum(c, parts.at);
   const double length = std::sqrt(dot(slope, slope));
   if (!(length > 0)) return false;
   const V3 t = (1 / length) * slope;
   const double strain = length - 1;
   V3 rate;
-  if (w.damping != 0) rate = Parts::sum(c, parts.rate);
+  if (w.damping != 0) rate = Terms::sum(c, parts.rate);
   const double along = dot(t, rate), stress = w.stiffness * (strain + w.damping * along);
   parts.energy += 0.5 * w.stiffness * strain * strain;
   for (int a = 0; a < kParts; ++a) parts.force[a] = parts.force[a] + (c[a] * stress) * t;
@@ -135,17 +135,17 @@ ESPALIER_INLINE void bending_tangent(const Curvature& c, const Weights& w, const
 
 template <bool kTangent>
 ESPALIER_INLINE bool add_bending(const double (&d)[kParts], const double (&dd)[kParts], const Weights& w,
-                                 Parts& parts) {
+                                 Terms& parts) {
   Curvature c;
-  c.a = Parts::sum(d, parts.at);
-  c.b = Parts::sum(dd, parts.at);
+  c.a = Terms::sum(d, parts.at);
+  c.b = Terms::sum(dd, parts.at);
   const double square = dot(c.a, c.a);
   if (!(square > 0)) return false;
   c.q = 1 / square;
   c.kappa = c.q * cross(c.a, c.b);
   if (w.damping != 0) {
-    c.rate_a = Parts::sum(d, parts.rate);
-    c.rate_b = Parts::sum(dd, parts.rate);
+    c.rate_a = Terms::sum(d, parts.rate);
+    c.rate_b = Terms::sum(dd, parts.rate);
     c.rate = c.change(c.rate_a, c.rate_b);
   }
   const V3 moment = w.stiffness * (c.kappa + w.damping * c.rate);
@@ -185,7 +185,7 @@ constexpr double kSign[kVertices] = {-1, 1, 1, 1};
 
 template <bool kTangent>
 ESPALIER_INLINE bool evaluate(const CableSection& section, double length, const ElementInput& in, ElementOutput& out) {
-  Parts parts;
+  Terms parts;
   read_parts(in.position, parts.at);
   if (in.velocity != nullptr) read_parts(in.velocity, parts.rate);
   const double per[kParts] = {1 / length, 1, 1};  // of first derivatives; second ones: once more 1 / length
@@ -230,14 +230,14 @@ bool evaluate_cable(const CableSection& section, double length, const ElementInp
 }
 
 bool sample_cable(const CableSection& section, double length, const double* position, ElementSamples& out) {
-  Parts parts;
+  Terms parts;
   read_parts(position, parts.at);
   double mean[4] = {}, slope[4] = {};  // of N and the moment
   const auto add = [&](int i, const LinePoint& at, double value) {
     mean[i] += 0.5 * at.weight * value;
     slope[i] += 1.5 * at.weight * at.xi * value;
   };
-  const auto slope_at = [&](const Hermite& h) { return Parts::sum({h.d[2], h.d[1], h.d[3]}, parts.at); };
+  const auto slope_at = [&](const Hermite& h) { return Terms::sum({h.d[2], h.d[1], h.d[3]}, parts.at); };
   for (const LinePoint& at : kGauss5) {
     const V3 tangent = slope_at(Hermite(at.xi, length));
     const double stretch = std::sqrt(dot(tangent, tangent));
@@ -246,7 +246,7 @@ bool sample_cable(const CableSection& section, double length, const double* posi
   }
   for (const LinePoint& at : kGauss3) {
     const Hermite h(at.xi, length);
-    const V3 a = slope_at(h), b = Parts::sum({h.dd[2], h.dd[1], h.dd[3]}, parts.at), turn = cross(a, b);
+    const V3 a = slope_at(h), b = Terms::sum({h.dd[2], h.dd[1], h.dd[3]}, parts.at), turn = cross(a, b);
     for (int i = 0; i < 3; ++i) add(1 + i, at, section.bending / dot(a, a) * turn.x[i]);
   }
   for (int p = 0; p < 3; ++p)

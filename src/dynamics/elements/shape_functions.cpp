@@ -110,7 +110,7 @@ void wedge(const double* xi, bool quadratic, double* n, double* dn) {
   const double t = xi[2], bubble = 1 - t * t;
   const int nodes = quadratic ? 15 : 6;
   // A node's function from f(L_i, L_j), its slopes along both, and g(t) with its slope: f g.
-  const auto put = [&](int a, double value, const double(&by_xi)[2], double by_t) {
+  const auto set_node = [&](int a, double value, const double(&by_xi)[2], double by_t) {
     if (n != nullptr) n[a] = value;
     if (dn == nullptr) return;
     dn[a] = by_xi[0];
@@ -124,17 +124,17 @@ void wedge(const double* xi, bool quadratic, double* n, double* dn) {
       const double up = 0.5 * (1 + side * t), slope = 0.5 * side;
       const int corner = side < 0 ? i : 3 + i;
       if (!quadratic) {
-        put(corner, l * up, {s.g[i][0] * up, s.g[i][1] * up}, l * slope);
+        set_node(corner, l * up, {s.g[i][0] * up, s.g[i][1] * up}, l * slope);
         continue;
       }
       const double by_l = (4 * l - 1) * up - 0.5 * bubble;
-      put(corner, l * ((2 * l - 1) * up - 0.5 * bubble), {s.g[i][0] * by_l, s.g[i][1] * by_l},
-          l * ((2 * l - 1) * slope + t));
+      set_node(corner, l * ((2 * l - 1) * up - 0.5 * bubble), {s.g[i][0] * by_l, s.g[i][1] * by_l},
+               l * ((2 * l - 1) * slope + t));
       double edge[2];
       for (int d = 0; d < 2; ++d) edge[d] = 4 * up * (s.g[i][d] * s.l[j] + l * s.g[j][d]);
-      put((side < 0 ? 6 : 9) + i, 4 * l * s.l[j] * up, edge, 4 * l * s.l[j] * slope);
+      set_node((side < 0 ? 6 : 9) + i, 4 * l * s.l[j] * up, edge, 4 * l * s.l[j] * slope);
     }
-    if (quadratic) put(12 + i, l * bubble, {s.g[i][0] * bubble, s.g[i][1] * bubble}, -2 * l * t);
+    if (quadratic) set_node(12 + i, l * bubble, {s.g[i][0] * bubble, s.g[i][1] * bubble}, -2 * l * t);
   }
 }
 

@@ -174,10 +174,10 @@ ESPALIER_CLONES bool evaluate_wedge15(const ShapeTable<15, 21>& t, const Materia
 }
 
 /// The shape functions at some points, for loops over elements before the first step.
-struct SampledShape {
+struct SampledShapeFunctions {
   int nodes;
   std::vector<double> weight, value, gradient;  // of each point: 1, nodes and 3 * nodes numbers
-  SampledShape(ElementType type, std::span<const QuadraturePoint> points) : nodes(shape_of(type).nodes) {
+  SampledShapeFunctions(ElementType type, std::span<const QuadraturePoint> points) : nodes(shape_of(type).nodes) {
     value.resize(points.size() * static_cast<std::size_t>(nodes));
     gradient.resize(3 * value.size());
     for (const QuadraturePoint& point : points) {
@@ -205,7 +205,7 @@ struct SampledShape {
 
 /// At the points of both rules and at the corners.
 struct SampledSolid {
-  SampledShape stiffness, mass, corners;
+  SampledShapeFunctions stiffness, mass, corners;
   explicit SampledSolid(ElementType type)
       : stiffness(type, quadrature(type, Rule::stiffness)),
         mass(type, quadrature(type, Rule::mass)),
@@ -294,7 +294,7 @@ bool sample_solid(ElementType type, const double* reference, const double* posit
 
 void solid_mass(ElementType type, double density, const double* reference, double* m) {
   const SampledSolid& solid = sampled(type);
-  const SampledShape& shape = solid.mass.smallest_jacobian(reference) > 0 ? solid.mass : solid.stiffness;
+  const SampledShapeFunctions& shape = solid.mass.smallest_jacobian(reference) > 0 ? solid.mass : solid.stiffness;
   const int nodes = shape.nodes;
   std::fill(m, m + nodes * nodes, 0.0);
   for (std::size_t q = 0; q < shape.weight.size(); ++q) {

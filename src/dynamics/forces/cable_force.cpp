@@ -14,7 +14,7 @@ using Rows3 = Eigen::Matrix<double, 3, Eigen::Dynamic>;
 }  // namespace
 
 /// The straight parts of the cable, k from frame k to k + 1, with derivatives as of Number.
-struct CableForce::Parts {
+struct CableForce::Terms {
   std::vector<FrameMotion> motions;
   std::vector<Vec3> u;       // directions
   std::vector<Rows3> du;     // their derivatives
@@ -33,10 +33,10 @@ CableForce::CableForce(std::string name, std::vector<FramePtr> frames, const Cab
   blocks_ = FrameBlocks(std::move(plain), {});
 }
 
-CableForce::Parts CableForce::parts(const StateView& s, bool derivatives) const {
+CableForce::Terms CableForce::parts(const StateView& s, bool derivatives) const {
   const auto n = static_cast<Eigen::Index>(frames_.size()), columns = derivatives ? 6 * n : 0;
   const std::size_t count = frames_.size() - 1;
-  Parts p;
+  Terms p;
   p.motions.resize(frames_.size());
   for (std::size_t i = 0; i < frames_.size(); ++i) frames_[i]->motion(s.q, s.v, p.motions[i]);
   const auto sum = [&](const std::vector<Number>& all, std::size_t first, std::size_t last) {
@@ -119,7 +119,7 @@ CableForce::Parts CableForce::parts(const StateView& s, bool derivatives) const 
 }
 
 Vec3 CableForce::applied(const StateView& s, int f) const {
-  const Parts p = parts(s, false);
+  const Terms p = parts(s, false);
   Vec3 force = Vec3::Zero();
   if (at(f) < p.u.size()) force += p.pull[at(f)].value * p.u[at(f)];
   if (f > 0) force -= p.pull[at(f) - 1].value * p.u[at(f) - 1];
@@ -132,7 +132,7 @@ void CableForce::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) { 
 
 void CableForce::residual(const StateView& s, Span f) {
   if (!active_) return;
-  const Parts p = parts(s, false);
+  const Terms p = parts(s, false);
   std::vector<double> own;
   for (std::size_t i = 0; i < frames_.size(); ++i) {
     Vec6 wrench = Vec6::Zero();
@@ -149,7 +149,7 @@ void CableForce::residual(const StateView& s, Span f) {
 
 void CableForce::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {
   if (!active_) return;
-  const Parts p = parts(s, true);
+  const Terms p = parts(s, true);
   const auto n = static_cast<Eigen::Index>(frames_.size());
   FrameBlocks::Derivatives out;
   out.k.setZero(6 * n, 6 * n);
@@ -181,7 +181,7 @@ void CableForce::branches(const StateView& s, Branches& out) const {
 }
 
 CableForce::Number CableForce::number(const StateView& s, What what, bool derivatives) const {
-  const Parts p = parts(s, derivatives);
+  const Terms p = parts(s, derivatives);
   return what == What::length       ? p.length
          : what == What::rate       ? p.rate
          : what == What::first_pull ? p.pull.front()

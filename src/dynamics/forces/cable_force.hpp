@@ -52,8 +52,8 @@ class CableForce final : public Component, public Switching {
   [[nodiscard]] Number number(const StateView& s, What what, bool derivatives) const;
 
  private:
-  struct Parts;
-  [[nodiscard]] Parts parts(const StateView& s, bool derivatives) const;
+  struct Terms;
+  [[nodiscard]] Terms parts(const StateView& s, bool derivatives) const;
 
   std::vector<FramePtr> frames_;
   CableForceLaw law_;

@@ -87,16 +87,16 @@ class LoadFunction final : public StateFunction {
   }
   [[nodiscard]] double value(const StateView& s) const override {
     const Vec3 z = axis(s);
-    return load_.preload + Part(force_->value(s), z, load_.radial, load_.axial).size +
-           Part(moment_->value(s), z, load_.bending, load_.torsion).size;
+    return load_.preload + WeightedNorm(force_->value(s), z, load_.radial, load_.axial).size +
+           WeightedNorm(moment_->value(s), z, load_.bending, load_.torsion).size;
   }
 
  protected:
   /// across |x - z z.x| + along |z.x| with its gradients by x and z.
-  struct Part {
+  struct WeightedNorm {
     double size;
     Vec3 by_x, by_z;
-    Part(const Vec3& x, const Vec3& z, double across, double along) {
+    WeightedNorm(const Vec3& x, const Vec3& z, double across, double along) {
       const double axial = z.dot(x), side = axial < 0 ? -1.0 : 1.0;
       const Vec3 radial = x - axial * z;
       const double length = radial.norm();
@@ -110,7 +110,7 @@ class LoadFunction final : public StateFunction {
   void add_gradient(const StateView& s, StateGradient& out) const override {
     VectorFunction::Derivatives df, dm;
     const Vec3 f = force_->derivatives(s, df), m = moment_->derivatives(s, dm), z = axis(s);
-    const Part force(f, z, load_.radial, load_.axial), moment(m, z, load_.bending, load_.torsion);
+    const WeightedNorm force(f, z, load_.radial, load_.axial), moment(m, z, load_.bending, load_.torsion);
     for (Eigen::Index i = 0; i < df.q.cols(); ++i)
       out.q[static_cast<std::size_t>(i)] += force.by_x.dot(df.q.col(i)) + moment.by_x.dot(dm.q.col(i));
     for (Eigen::Index i = 0; i < df.lambda.cols(); ++i)

@@ -36,13 +36,13 @@ class Bushing final : public FrameForce {
       : FrameForce(std::move(name), std::move(a), std::move(b)), law_(std::move(law)) {}
 
  protected:
-  struct Parts {
+  struct Terms {
     Vec3 d, f, psi, m;                            // global offset, force on A, rotation vector, moment on A (global)
     Mat3 stiffness, damping, rotational_damping;  // in global axes
   };
 
-  [[nodiscard]] Parts parts(const Pair& p) const {
-    Parts x;
+  [[nodiscard]] Terms parts(const Pair& p) const {
+    Terms x;
     const Mat3& r = p.a.rot;
     x.stiffness = r * law_.stiffness.asDiagonal() * r.transpose();
     x.damping = r * law_.damping.asDiagonal() * r.transpose();
@@ -56,14 +56,14 @@ class Bushing final : public FrameForce {
   }
 
   [[nodiscard]] Vec12 law(const Pair& p) const override {
-    const Parts x = parts(p);
+    const Terms x = parts(p);
     Vec12 w;  // the force acts at the origin of B; A gets the opposite force and its moment about A's origin
     w << x.f, x.m + x.d.cross(x.f), -x.f, -x.m;
     return w;
   }
 
   void law_derivatives(const Pair& p, Mat12& k, Mat12& d) const override {
-    const Parts x = parts(p);
+    const Terms x = parts(p);
     const Mat3& r = p.a.rot;
     const Vec3 rate = p.b.vel - p.a.vel - p.a.omega.cross(x.d);
     // df: f = R g(R^T ...): turning A turns f, and turns d and the rate the other way; the rate contains omega_A x d
@@ -115,16 +115,16 @@ class Load final : public FrameForce {
       : FrameForce(std::move(name), std::move(a), std::make_unique<GroundFrame>()), law_(std::move(law)) {}
 
  protected:
-  struct Parts {
+  struct Wrench {
     Vec3 force, moment;  // without the factor, in the load's own axes
     double factor;
   };
-  [[nodiscard]] Parts parts(const Pair& p) const {
+  [[nodiscard]] Wrench parts(const Pair& p) const {
     const auto part = [&](int k, double otherwise) {
       const int input = law_.input.at(static_cast<std::size_t>(k));
       return input < 0 ? otherwise : p.inputs.at(static_cast<std::size_t>(input));
     };
-    Parts x{law_.force, law_.moment, 0};
+    Wrench x{law_.force, law_.moment, 0};
     for (int i = 0; i < 3; ++i) {
       x.force[i] = part(i, law_.force[i]);
       x.moment[i] = part(3 + i, law_.moment[i]);
@@ -141,7 +141,7 @@ class Load final : public FrameForce {
   }
 
   [[nodiscard]] Vec12 law(const Pair& p) const override {
-    const Parts x = parts(p);
+    const Wrench x = parts(p);
     return x.factor * wrench(p, x.force, x.moment);
   }
 
@@ -153,7 +153,7 @@ class Load final : public FrameForce {
   }
 
   [[nodiscard]] Vec12 law_by_input(const Pair& p, std::size_t i) const override {
-    const Parts x = parts(p);
+    const Wrench x = parts(p);
     Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
     for (int k = 0; k < 3; ++k) {
       if (law_.input.at(static_cast<std::size_t>(k)) == static_cast<int>(i)) force[k] = 1;

@@ -52,16 +52,16 @@ void GeneralizedAlpha::enter_device() {
   constexpr MotionVector kSent[] = {&MotionArrays::v_start, &MotionArrays::a_start, &MotionArrays::a_before,
                                     &MotionArrays::a_old, &MotionArrays::weight};
   vectors_.send(arrays(), kSent);
-  vectors_.send_position(state_.q, vectors_.there().arrays().q_start);
-  vectors_.there().use_scale(equations_.kkt().scale_there());
+  vectors_.send_position(state_.q, vectors_.device_motion().arrays().q_start);
+  vectors_.device_motion().use_scale(equations_.kkt().scale_there());
 }
 
 // The rest of reach().
 void GeneralizedAlpha::reach_there() {
-  vectors_.there().run(PositionReached{});
+  vectors_.device_motion().run(PositionReached{});
   for (const OwnCoordinates& c : vectors_.share().owners) c.retract(state_.q, delta_, trial_.q);
   carry({trial_.a, trial_.v});
-  vectors_.see(arrays(), trial_, {&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
+  vectors_.fetch_for_host(arrays(), trial_, {&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 
 // Bodies have the weights that went there with them.
@@ -76,14 +76,14 @@ void GeneralizedAlpha::weigh_there() {
 
 // F + Phi_q^T lambda, and what follows from it; take_change_there() says how large it is.
 void GeneralizedAlpha::find_forces_there() {
-  equations_.motion_there(trial_.view(), vectors_.state(trial_), f_, vectors_.there().arrays().f);
+  equations_.motion_there(trial_.view(), vectors_.state(trial_), f_, vectors_.device_motion().arrays().f);
   run(ForcesOfPass{});
 }
 
 // @pre the lower part of the right-hand side
 void GeneralizedAlpha::solve_there() {
   vectors_.put_right_side(arrays(), &MotionArrays::change);
-  equations_.solve_there(vectors_.there().arrays().change);
+  equations_.solve_there(vectors_.device_motion().arrays().change);
   vectors_.take_right_sides(arrays(), {&MotionArrays::change});
 }
 
@@ -108,7 +108,7 @@ double GeneralizedAlpha::take_change_there(Change& change, StepReport& report) {
 // Of a step that is going to be accepted: all that the host needs to go on by itself comes first. What accept() does
 // with that for the host, NextStep does there.
 void GeneralizedAlpha::end_step_there() {
-  const MotionArrays& s = vectors_.there().arrays();
+  const MotionArrays& s = vectors_.device_motion().arrays();
   vectors_.fetch_state(trial_);
   vectors_.fetch(s.a_base, a_base_);
   vectors_.fetch(s.a_step, a_step_);
@@ -117,7 +117,7 @@ void GeneralizedAlpha::end_step_there() {
                                        .sums = {{&MotionArrays::second, &MotionArrays::weight, &MotionArrays::work},
                                                 {&MotionArrays::second, &MotionArrays::weight}}});
   set_trend(record.sum[0], record.sum[1]);
-  vectors_.there().run(NextStep{(1 - alpha_f_) / (1 - alpha_m_)});
+  vectors_.device_motion().run(NextStep{(1 - alpha_f_) / (1 - alpha_m_)});
 }
 
 }  // namespace espalier::dynamics

@@ -145,7 +145,7 @@ double BdfIntegrator::distance_from_factor() {
     equations_.system().local(placed_q_, trial_.q, work_n_);
     return norm(work_n_, weight_q_);
   }
-  there().run(WayFromFactor{});
+  device_motion().run(WayFromFactor{});
   for (const OwnCoordinates& c : share().owners) c.local(placed_q_, trial_.q, work_n_);
   const MotionRecord record = measure({.largest = {}, .sums = {{&MotionArrays::work, &MotionArrays::weight_q}}});
   return std::sqrt(record.sum[0] / static_cast<double>(work_n_.size()));
@@ -241,8 +241,8 @@ StepReport BdfIntegrator::step(double t_limit) {
   try {
     return step_here(t_limit);
   } catch (const Error& error) {
-    if (!vectors_.may_take_up(error)) throw;
-    take_up(error);
+    if (!vectors_.host_can_continue(error)) throw;
+    continue_on_host(error);
   }
   std::tie(order_, steps_at_order_, h_) = before;
   return step_here(t_limit);

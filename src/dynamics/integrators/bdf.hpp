@@ -146,14 +146,16 @@ class BdfIntegrator final : public Integrator {
   void combine_past(PastSums sums, ConstSpan weights);
   // Vectors on a GPU (bdf_device.cpp); without it the same calls serve the host.
   [[nodiscard]] MotionArrays arrays();
-  [[nodiscard]] DeviceMotion& there() const { return vectors_.there(); }
+  [[nodiscard]] DeviceMotion& device_motion() const { return vectors_.device_motion(); }
   [[nodiscard]] const DeviceShare& share() const { return vectors_.share(); }
   /// loop(arrays, i) for each velocity coordinate, where it lies.
   template <class Loop>
   void run(const Loop& loop) {
     vectors_.run(arrays(), loop);
   }
-  void see(std::initializer_list<MotionVector> vectors) { vectors_.see(arrays(), trial_, vectors); }
+  void fetch_for_host(std::initializer_list<MotionVector> vectors) {
+    vectors_.fetch_for_host(arrays(), trial_, vectors);
+  }
   [[nodiscard]] MotionRecord measure(const MotionMeasure& what) { return vectors_.measure(arrays(), what); }
   [[nodiscard]] bool may_enter_device() const;
   void enter_device();
@@ -205,7 +207,7 @@ class BdfIntegrator final : public Integrator {
   void measure_falling_masses(const std::vector<FallingForce>& forces);
   [[nodiscard]] bool first_points(double h, StepReport& report);
   [[nodiscard]] StepReport step_here(double t_limit);
-  void take_up(const Error& error);
+  void continue_on_host(const Error& error);
   [[nodiscard]] bool attempt(double h, bool retry, StepReport& report);
   void begin_attempt(double h);
   [[nodiscard]] bool attempt_anywhere(double h, bool retry, StepReport& report);

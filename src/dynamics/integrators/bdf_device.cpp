@@ -50,13 +50,13 @@ void BdfIntegrator::enter_device() {
                                     &MotionArrays::theta_hat, &MotionArrays::v_hat, &MotionArrays::weight_q,
                                     &MotionArrays::weight_v};
   vectors_.send(arrays(), kSent);
-  const MotionArrays& s = there().arrays();
+  const MotionArrays& s = device_motion().arrays();
   vectors_.send_position(trial_.q, s.q);
   vectors_.send_position(placed_q_, s.placed_q);
   for (int j = 0; j < history_.size(); ++j) {
     vectors_.send_position(history_.q(j), s.past_q[j]);
-    there().send(history_.v(j), s.past_v[j]);
-    there().send(history_.theta(j), s.past_theta[j]);
+    device_motion().send(history_.v(j), s.past_v[j]);
+    device_motion().send(history_.theta(j), s.past_theta[j]);
   }
   equations_.system().magnitude(state_.q, work_n_);
   size_q_there_ = vectors_.largest_of_bodies(work_n_);
@@ -79,7 +79,7 @@ void BdfIntegrator::leave_device() {
 }
 
 // After an error of the GPU.
-void BdfIntegrator::take_up(const Error& error) {
+void BdfIntegrator::continue_on_host(const Error& error) {
   leave_device();
   vectors_.give_up(error);
   factor_hp_ = 0;
@@ -88,17 +88,17 @@ void BdfIntegrator::take_up(const Error& error) {
 // What History::push() does. The step is the host's already.
 void BdfIntegrator::push_there(bool in_place_of_newest) {
   try {
-    if (!in_place_of_newest) there().turn_past();
-    there().run(NewPoint{history_.size()});
+    if (!in_place_of_newest) device_motion().turn_past();
+    device_motion().run(NewPoint{history_.size()});
   } catch (const Error& error) {
-    if (!vectors_.may_take_up(error)) throw;
-    take_up(error);
+    if (!vectors_.host_can_continue(error)) throw;
+    continue_on_host(error);
   }
 }
 
 void BdfIntegrator::error_weights_there() {
   // Those of a budget stay as they were sent.
-  if (!options_.budget.given()) there().run(VelocityWeights{options_.relative, options_.absolute_velocity});
+  if (!options_.budget.given()) device_motion().run(VelocityWeights{options_.relative, options_.absolute_velocity});
   for (const OwnCoordinates& c : share().owners) c.magnitude(state_.q, weight_q_);
   size_q_ = size_q_there_;
   for (const Index k : share().own) {
@@ -111,7 +111,7 @@ void BdfIntegrator::error_weights_there() {
 }
 
 void BdfIntegrator::place_factor_there() {
-  there().run(CopyOf{&MotionArrays::placed_q, &MotionArrays::q});
+  device_motion().run(CopyOf{&MotionArrays::placed_q, &MotionArrays::q});
   for (const OwnCoordinates& c : share().owners) {
     const auto first = static_cast<std::ptrdiff_t>(c.q());
     std::copy_n(trial_.q.begin() + first, c.component().sizes().configuration, placed_q_.begin() + first);
@@ -120,7 +120,7 @@ void BdfIntegrator::place_factor_there() {
 
 void BdfIntegrator::predict_position() {
   if (!on_device()) return equations_.system().retract(history_.q(0), theta_, trial_.q);
-  there().run(PositionInChart{});
+  device_motion().run(PositionInChart{});
   for (const OwnCoordinates& c : share().owners) c.retract(history_.q(0), theta_, trial_.q);
 }
 
@@ -128,14 +128,14 @@ void BdfIntegrator::predict_position() {
 void BdfIntegrator::move_position(MotionVector change) {
   const ConstSpan here(arrays().*change, theta_.size());
   if (!on_device()) return equations_.system().retract(trial_.q, here, trial_.q);
-  there().run(AddTo{&MotionArrays::q, change});
+  device_motion().run(AddTo{&MotionArrays::q, change});
   for (const OwnCoordinates& c : share().owners) c.retract(trial_.q, here, trial_.q);
 }
 
 // theta := the chart's coordinates of q
 void BdfIntegrator::chart_of_position() {
   if (!on_device()) return equations_.system().local(history_.q(0), trial_.q, theta_);
-  there().run(ChartOfPosition{});
+  device_motion().run(ChartOfPosition{});
   for (const OwnCoordinates& c : share().owners) c.local(history_.q(0), trial_.q, theta_);
 }
 
@@ -147,13 +147,13 @@ void BdfIntegrator::velocity_of_rates() {
 
 // F + Phi_q^T lambda, and -F in the first right-hand side.
 void BdfIntegrator::residual_there() {
-  equations_.motion_there(trial_.view(), vectors_.state(trial_), f_, there().arrays().f);
+  equations_.motion_there(trial_.view(), vectors_.state(trial_), f_, device_motion().arrays().f);
   run(RightSides{});
 }
 
 // Both solves of a pass. @pre the lower parts of both right-hand sides
 void BdfIntegrator::solve_there() {
-  const MotionArrays here = arrays(), &s = there().arrays();
+  const MotionArrays here = arrays(), &s = device_motion().arrays();
   const std::size_t n = theta_.size(), m = level_.size();
   vectors_.put_right_side(here, &MotionArrays::tangential);
   equations_.solve_there(s.tangential);

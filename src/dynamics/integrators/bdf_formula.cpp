@@ -57,7 +57,7 @@ void BdfIntegrator::predict() {
   trial_.t = formula_.t;
   run(FormulaAcceleration{formula_.hp});
   predict_position();
-  see({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
+  fetch_for_host({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
 }
 
 // The numbers of a budget were found on the models of bench/dynamics/default_settings.py, so that their errors stay at
@@ -125,7 +125,7 @@ void BdfIntegrator::measure_constraints() {
 double BdfIntegrator::largest_level(ConstSpan level) const {
   if (row_sizes_.empty()) return max_norm(level);
   LargestValue largest;
-  for (std::size_t i = 0; i < level.size(); ++i) largest.see(level[i] / row_sizes_[i]);
+  for (std::size_t i = 0; i < level.size(); ++i) largest.include(level[i] / row_sizes_[i]);
   return largest.value();
 }
 

@@ -33,17 +33,17 @@ void BdfIntegrator::project_stages() {
   rates_of_formula();
   equations_.set_slip(r1_, hp);
   run(StageChanges{hp, inverse});
-  see({&MotionArrays::dq, &MotionArrays::dv});
+  fetch_for_host({&MotionArrays::dq, &MotionArrays::dv});
   if (m > 0) add_normal_part(equations_.phi(), &MotionArrays::dq);
   move_position(&MotionArrays::dq);
   if (m > 0) {
-    see({&MotionArrays::q});
+    fetch_for_host({&MotionArrays::q});
     equations_.evaluate_constraints(trial_.t, trial_.q, {});
     equations_.level(trial_.v, equations_.nu(), level_);
     add_normal_part(level_, &MotionArrays::dv);
   }
   run(AddTo{&MotionArrays::v, &MotionArrays::dv});
-  see({&MotionArrays::q, &MotionArrays::v});
+  fetch_for_host({&MotionArrays::q, &MotionArrays::v});
 }
 
 // change += x, K [x; .] = [0; -violation - Phi_q,K change]: what the level lacks after the change, in normal
@@ -64,7 +64,7 @@ void BdfIntegrator::solve_normal() {
   const MotionArrays here = arrays();
   const std::size_t n = theta_.size(), m = level_.size();
   if (on_device()) {
-    equations_.solve_normal_there(ConstSpan(here.normal + n, m), there().arrays().normal);
+    equations_.solve_normal_there(ConstSpan(here.normal + n, m), device_motion().arrays().normal);
     return vectors_.take_right_sides(here, {&MotionArrays::normal});
   }
   fill_zero(equations_.pool(), Span(here.normal, n));
@@ -113,7 +113,7 @@ void BdfIntegrator::iterate_reduced(StepReport& report) {
   }
   move_position(&MotionArrays::work);
   chart_of_position();
-  see({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
+  fetch_for_host({&MotionArrays::q, &MotionArrays::v, &MotionArrays::a});
   // The levels at the new state: the next iteration starts from them, or the step ends with them.
   equations_.evaluate_constraints(trial_.t, trial_.q, trial_.v);
 }
@@ -198,18 +198,18 @@ bool BdfIntegrator::finish_levels(StepReport& report) {
     if (largest_level(equations_.phi()) > options_.constraint_tolerance) {
       solve_for(equations_.phi());
       move_position(&MotionArrays::normal);
-      see({&MotionArrays::q});
+      fetch_for_host({&MotionArrays::q});
       equations_.evaluate_constraints(trial_.t, trial_.q, {});
     }
     equations_.level(trial_.v, equations_.nu(), level_);
     solve_for(level_);
     run(AddTo{&MotionArrays::v, &MotionArrays::normal});
-    see({&MotionArrays::v});
+    fetch_for_host({&MotionArrays::v});
     equations_.evaluate_gamma(trial_.t, trial_.q, trial_.v);
     equations_.level(trial_.a, equations_.gamma(), level_);
     solve_for(level_);
     run(AddTo{&MotionArrays::a, &MotionArrays::normal});
-    see({&MotionArrays::a});
+    fetch_for_host({&MotionArrays::a});
     for (std::size_t i = 0; i < m; ++i) trial_.lambda[i] += lower[i];
     chart_of_position();
   }
@@ -272,7 +272,7 @@ bool BdfIntegrator::rounding_ends(double change, const StepReport& report) {
 
 // The change of q and v of a pass in units of the tolerance; sets tiny_ and level_of_a_.
 double BdfIntegrator::change_of_pass(StepReport& report) {
-  struct Part {
+  struct PassChange {
     LargestValue dq, dv, a;
     double square_q = 0, square_v = 0;
   };
@@ -283,14 +283,14 @@ double BdfIntegrator::change_of_pass(StepReport& report) {
     report.residual = record.largest[3];
     return change_of({record.largest[0], record.largest[1], record.largest[2], record.sum[0], record.sum[1]});
   }
-  const Part all = reduce_blocks<Part>(
+  const PassChange all = reduce_blocks<PassChange>(
       equations_.pool(), dq_.size(),
       [&](std::size_t begin, std::size_t end) {
-        Part part;
+        PassChange part;
         for (std::size_t i = begin; i < end; ++i) {
-          part.dq.see(dq_[i]);
-          part.dv.see(dv_[i]);
-          part.a.see(trial_.a[i]);
+          part.dq.include(dq_[i]);
+          part.dv.include(dv_[i]);
+          part.a.include(trial_.a[i]);
         }
         part.square_q =
             sum_in_order(begin, end, [&](std::size_t i) { return dq_[i] * dq_[i] * weight_q_[i] * weight_q_[i]; });
@@ -298,10 +298,10 @@ double BdfIntegrator::change_of_pass(StepReport& report) {
             sum_in_order(begin, end, [&](std::size_t i) { return dv_[i] * dv_[i] * weight_v_[i] * weight_v_[i]; });
         return part;
       },
-      [](Part& sum, const Part& next) {
-        sum.dq.see(next.dq);
-        sum.dv.see(next.dv);
-        sum.a.see(next.a);
+      [](PassChange& sum, const PassChange& next) {
+        sum.dq.include(next.dq);
+        sum.dv.include(next.dv);
+        sum.a.include(next.a);
         sum.square_q += next.square_q;
         sum.square_v += next.square_v;
       });

@@ -33,11 +33,11 @@ void take(ConstSpan& in, Span out) {
   in = in.subspan(out.size());
 }
 
-void put(std::vector<double>& out, ConstSpan values) { out.insert(out.end(), values.begin(), values.end()); }
+void append(std::vector<double>& out, ConstSpan values) { out.insert(out.end(), values.begin(), values.end()); }
 
 void put_state(std::vector<double>& out, const State& s) {
   out.push_back(s.t);
-  for (const auto* x : {&s.q, &s.v, &s.a, &s.lambda}) put(out, *x);
+  for (const auto* x : {&s.q, &s.v, &s.a, &s.lambda}) append(out, *x);
 }
 
 void take_state(ConstSpan& in, State& s) {
@@ -52,8 +52,8 @@ void Integrator::save_counts(std::vector<double>& out) const {
   for (const long n : {c.steps, c.newton_iterations, c.error_failures, c.newton_failures, c.crossings, c.refactor_first,
                        c.refactor_step, c.refactor_rate, c.refactor_failed, c.divisions, c.rounded})
     out.push_back(static_cast<double>(n));
-  put(out, std::array{c.largest_rounding, c.first_division, c.shortest_step, c.largest_position, c.largest_velocity,
-                      c.largest_acceleration});
+  append(out, std::array{c.largest_rounding, c.first_division, c.shortest_step, c.largest_position, c.largest_velocity,
+                         c.largest_acceleration});
 }
 
 void Integrator::restore_counts(ConstSpan& in) {
@@ -90,13 +90,13 @@ void BdfIntegrator::save(std::vector<double>& out) {
     out.push_back(static_cast<double>(n));
   for (int j = history_.size() - 1; j >= 0; --j) {
     out.push_back(history_.time(j));
-    put(out, history_.q(j));
-    put(out, history_.v(j));
-    put(out, history_.lambda(j));
+    append(out, history_.q(j));
+    append(out, history_.v(j));
+    append(out, history_.lambda(j));
   }
   if (const ErrorBudget& budget = options_.budget; budget.given()) {
-    put(out, std::array{budget.accuracy, budget.extent, budget.duration, budget.speed});
-    put(out, row_sizes_);
+    append(out, std::array{budget.accuracy, budget.extent, budget.duration, budget.speed});
+    append(out, row_sizes_);
   }
   leave_device();
   equations_.forget_analysis();
@@ -147,8 +147,8 @@ void BdfIntegrator::restore(ConstSpan& in) {
 void GeneralizedAlpha::save(std::vector<double>& out) {
   save_counts(out);
   put_state(out, state_);
-  put(out, a_old_);
-  put(out, std::array{static_cast<double>(halvings_), static_cast<double>(steps_at_length_), fitted_});
+  append(out, a_old_);
+  append(out, std::array{static_cast<double>(halvings_), static_cast<double>(steps_at_length_), fitted_});
   const std::vector<double> a_old = a_old_;
   const int halvings = halvings_, steps = steps_at_length_;
   const double fitted = fitted_;

@@ -118,7 +118,7 @@ bool GeneralizedAlpha::attempt(double h, bool renew, StepReport& report) {
     if (converged && on_device()) end_step_there();
     return converged;
   } catch (const Error& error) {
-    if (!vectors_.may_take_up(error)) throw;
+    if (!vectors_.host_can_continue(error)) throw;
     vectors_.give_up(error);
   }
   factor_c_q_ = 0;

@@ -30,28 +30,29 @@ void SharedVectors::give_up(const Error& error) {
 }
 
 StateView SharedVectors::state(const State& trial) const {
-  const MotionArrays& s = there().arrays();
+  const MotionArrays& s = device_motion().arrays();
   return {trial.t, ConstSpan(s.q, size()), ConstSpan(s.v, size()), ConstSpan(s.a, size()), trial.lambda};
 }
 
 void SharedVectors::send(const MotionArrays& here, std::span<const MotionVector> vectors) const {
-  for (const MotionVector vector : vectors) there().send(ConstSpan(here.*vector, size()), there().arrays().*vector);
+  for (const MotionVector vector : vectors)
+    device_motion().send(ConstSpan(here.*vector, size()), device_motion().arrays().*vector);
 }
 
 void SharedVectors::send_position(ConstSpan q, double* to) const {
-  for (const DeviceShare::Range& r : share().ranges) there().send(part_of(q, r.q, r.count), to + r.v);
+  for (const DeviceShare::Range& r : share().ranges) device_motion().send(part_of(q, r.q, r.count), to + r.v);
 }
 
 void SharedVectors::fetch_position(const double* from, Span q) const {
-  for (const DeviceShare::Range& r : share().ranges) there().fetch(from + r.v, part_of(q, r.q, r.count));
+  for (const DeviceShare::Range& r : share().ranges) device_motion().fetch(from + r.v, part_of(q, r.q, r.count));
 }
 
 void SharedVectors::fetch(const double* from, Span x) const {
-  for (const DeviceShare::Range& r : share().ranges) there().fetch(from + r.v, part_of(x, r.v, r.count));
+  for (const DeviceShare::Range& r : share().ranges) device_motion().fetch(from + r.v, part_of(x, r.v, r.count));
 }
 
 void SharedVectors::fetch_state(State& trial) const {
-  const MotionArrays& s = there().arrays();
+  const MotionArrays& s = device_motion().arrays();
   fetch_position(s.q, trial.q);
   fetch(s.v, trial.v);
   fetch(s.a, trial.a);
@@ -69,13 +70,14 @@ void SharedVectors::put_right_side(const MotionArrays& here, MotionVector vector
   std::vector<double> values;
   for (const Index i : share().own) values.push_back(from[i]);
   values.insert(values.end(), from + size(), from + size() + equations_.sizes().constraints);
-  there().set(DeviceMotion::List::right_side, values, there().arrays().*vector);
+  device_motion().set(DeviceMotion::List::right_side, values, device_motion().arrays().*vector);
 }
 
 void SharedVectors::take_right_sides(const MotionArrays& here, std::initializer_list<MotionVector> vectors) const {
   const std::vector<Index>& own = share().own;
   const auto m = static_cast<std::size_t>(equations_.sizes().constraints);
-  ConstSpan values = there().look(DeviceMotion::List::right_side, places_of(there().arrays(), vectors));
+  ConstSpan values =
+      device_motion().gather(DeviceMotion::List::right_side, places_of(device_motion().arrays(), vectors));
   for (const MotionVector vector : vectors) {
     double* const to = here.*vector;
     for (std::size_t k = 0; k < own.size(); ++k) to[static_cast<std::size_t>(own[k])] = values[k];
@@ -85,15 +87,16 @@ void SharedVectors::take_right_sides(const MotionArrays& here, std::initializer_
 }
 
 MotionRecord SharedVectors::measure(const MotionArrays& here, const MotionMeasure& what) const {
-  MotionRecord record = there().measure(what);
+  MotionRecord record = device_motion().measure(what);
   for (const Index i : share().own) what.add(here, static_cast<std::size_t>(i), record);
   return record;
 }
 
-void SharedVectors::see(const MotionArrays& here, State& trial, std::initializer_list<MotionVector> vectors) const {
+void SharedVectors::fetch_for_host(const MotionArrays& here, State& trial,
+                                   std::initializer_list<MotionVector> vectors) const {
   if (!on_device_) return;
   const DeviceShare& shared = share();
-  ConstSpan values = there().look(DeviceMotion::List::seen, places_of(there().arrays(), vectors));
+  ConstSpan values = device_motion().gather(DeviceMotion::List::seen, places_of(device_motion().arrays(), vectors));
   for (const MotionVector vector : vectors) {
     const bool is_q = vector == &MotionArrays::q;
     double* const to = is_q ? trial.q.data() : here.*vector;

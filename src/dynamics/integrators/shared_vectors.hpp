@@ -28,14 +28,14 @@ class SharedVectors {
   /// They are the host's; what the GPU had is lost.
   void leave() { on_device_ = false; }
   /// Whether the host can take up what has failed.
-  [[nodiscard]] bool may_take_up(const Error& error) const {
+  [[nodiscard]] bool host_can_continue(const Error& error) const {
     return on_device_ && error.status().code == StatusCode::device_error;
   }
   /// leave() after such an error: for good, but where the factor has gone, which may come back.
   void give_up(const Error& error);
 
   // On a GPU
-  [[nodiscard]] DeviceMotion& there() const { return *memory(); }
+  [[nodiscard]] DeviceMotion& device_motion() const { return *memory(); }
   [[nodiscard]] const DeviceShare& share() const { return *equations_.device_share(); }
   [[nodiscard]] StateView state(const State& trial) const;
   /// Vectors of the host as a whole.
@@ -57,12 +57,12 @@ class SharedVectors {
 
   // Wherever they are
   /// Brings what the host looks at; q to the trial state.
-  void see(const MotionArrays& here, State& trial, std::initializer_list<MotionVector> vectors) const;
+  void fetch_for_host(const MotionArrays& here, State& trial, std::initializer_list<MotionVector> vectors) const;
   /// loop(arrays, i) for each velocity coordinate, where it lies.
   template <class Loop>
   void run(const MotionArrays& here, const Loop& loop) const {
     if (!on_device_) return for_each_entry(equations_.pool(), size(), [&](std::size_t i) { loop(here, i); });
-    there().run(loop);
+    device_motion().run(loop);
     for (const Index i : share().own) loop(here, static_cast<std::size_t>(i));
   }
 

@@ -51,7 +51,7 @@ void PointFunction::add_curvature(const FrameMotion& a, const FrameMotion& b, do
 void PairSum::evaluate(const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out) const {
   out = {};
   RelativeValue value;
-  for (const Part& part : parts_) {
+  for (const Term& part : parts_) {
     dynamics::evaluate(part.coordinate, part.swapped ? b : a, part.swapped ? a : b, rates, value);
     out.value += part.factor * value.value;
     out.curvature += part.factor * value.curvature;
@@ -60,7 +60,7 @@ void PairSum::evaluate(const FrameMotion& a, const FrameMotion& b, bool rates, R
 }
 
 void PairSum::add_curvature(const FrameMotion& a, const FrameMotion& b, double factor, Mat12& k) const {
-  for (const Part& part : parts_) {
+  for (const Term& part : parts_) {
     if (!part.swapped) {
       dynamics::add_curvature(part.coordinate, a, b, factor * part.factor, k);
       continue;

@@ -50,18 +50,18 @@ struct PairCoordinate {
 /// A sum of factor times coordinate.
 class PairSum final : public PairFunction {
  public:
-  struct Part {
+  struct Term {
     double factor = 1;
     PairCoordinate coordinate;
     bool swapped = false;  ///< with the second frame as its A, the first as its B
   };
-  explicit PairSum(std::vector<Part> parts) : parts_(std::move(parts)) {}
+  explicit PairSum(std::vector<Term> parts) : parts_(std::move(parts)) {}
   void evaluate(const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out) const override;
   void add_curvature(const FrameMotion& a, const FrameMotion& b, double factor, Mat12& k) const override;
   [[nodiscard]] bool turns_b() const override { return true; }
 
  private:
-  std::vector<Part> parts_;
+  std::vector<Term> parts_;
 };
 
 void evaluate(const PairCoordinate& g, const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out);

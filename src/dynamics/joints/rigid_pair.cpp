@@ -51,7 +51,7 @@ ESPALIER_INLINE double curvature_of(const RigidPair::Row& row, const Pose& a, co
   return second(va.omega, axis).dot(other) + 2 * rate.dot(vb.omega.cross(other)) + axis.dot(second(vb.omega, other));
 }
 
-ESPALIER_INLINE void put(double* to, const Vec3& translation, const Vec3& rotation) {
+ESPALIER_INLINE void set_gradient(double* to, const Vec3& translation, const Vec3& rotation) {
   for (int k = 0; k < 3; ++k) {
     to[k] = translation[k];
     to[3 + k] = rotation[k];
@@ -80,22 +80,22 @@ ESPALIER_CLONES void evaluate_rows(const RigidPair::Side& side_a, const RigidPai
       if (out.gradient != nullptr) {
         Vec3 e = Vec3::Zero();
         e[row.axis] = 1;
-        if (free_a) put(ga, -e, Vec3(a.rot.row(row.axis)).cross(side_a.point));
-        if (free_b) put(gb, e, side_b.point.cross(Vec3(b.rot.row(row.axis))));
+        if (free_a) set_gradient(ga, -e, Vec3(a.rot.row(row.axis)).cross(side_a.point));
+        if (free_b) set_gradient(gb, e, side_b.point.cross(Vec3(b.rot.row(row.axis))));
       }
     } else if (row.kind == Relative::along) {
       const Vec3 axis = a.rot * row.a;
       value = axis.dot(d);
       if (out.gradient != nullptr) {
-        if (free_a) put(ga, -axis, row.a.cross(seen));
-        if (free_b) put(gb, axis, side_b.point.cross(Vec3(c.transpose() * row.a)));
+        if (free_a) set_gradient(ga, -axis, row.a.cross(seen));
+        if (free_b) set_gradient(gb, axis, side_b.point.cross(Vec3(c.transpose() * row.a)));
       }
     } else {
       const Vec3 turned = c * row.b;
       value = row.a.dot(turned);
       if (out.gradient != nullptr) {
-        if (free_a) put(ga, Vec3::Zero(), row.a.cross(turned));
-        if (free_b) put(gb, Vec3::Zero(), row.b.cross(Vec3(c.transpose() * row.a)));
+        if (free_a) set_gradient(ga, Vec3::Zero(), row.a.cross(turned));
+        if (free_b) set_gradient(gb, Vec3::Zero(), row.b.cross(Vec3(c.transpose() * row.a)));
       }
     }
     if (out.value != nullptr) out.value[r] = value;

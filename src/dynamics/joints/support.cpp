@@ -18,7 +18,7 @@ class SupportReaction final : public VectorFunction {
       multipliers_.push_back(support.placement().c + static_cast<Index>(r));
     if (!moment) return;
     for (const Support::Row& row : support.rows())
-      for (const Support::Part& part : row.parts) vertices_.push_back(part.vertex);
+      for (const Support::Term& part : row.parts) vertices_.push_back(part.vertex);
     vertices_.insert(vertices_.end(), support.places().begin(), support.places().end());
     std::sort(vertices_.begin(), vertices_.end());
     vertices_.erase(std::unique(vertices_.begin(), vertices_.end()), vertices_.end());
@@ -30,7 +30,7 @@ class SupportReaction final : public VectorFunction {
     Vec3 sum = Vec3::Zero();
     const Vec3 centre = moment_ ? mean(s) : Vec3::Zero();
     for (std::size_t r = 0; r < support_.rows().size(); ++r)
-      for (const Support::Part& part : support_.rows()[r].parts) {
+      for (const Support::Term& part : support_.rows()[r].parts) {
         const Vec3 f = multiplier(s, r) * part.direction;
         if (moment_)
           sum += arm(s, part.vertex, centre).cross(f);

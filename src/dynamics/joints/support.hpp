@@ -17,12 +17,12 @@ namespace espalier::dynamics {
 /// Vertices behind that of a node's position are its directors or slopes.
 class Support final : public Component, public Constrains, public Switching {
  public:
-  struct Part {
+  struct Term {
     Index vertex = 0;               ///< of the body
     Vec3 direction = Vec3::Zero();  ///< e, global axes
   };
   struct Row {
-    std::vector<Part> parts;  ///< vertices of one node, each once
+    std::vector<Term> parts;  ///< vertices of one node, each once
     double rest = 0;          ///< the sum of e . x at the start
     int motion = -1;          ///< f: which of the motions; -1: zero
     std::string label;        ///< "node 7, x"

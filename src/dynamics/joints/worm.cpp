@@ -37,7 +37,7 @@ std::unique_ptr<Joint> worm_joint(std::string name, FramePtr a, FramePtr b, cons
 PairFunctionPtr worm_slip(const WormShape& shape) {
   const Shares shares(shape);
   const double angle = shape.lead_angle(), round = std::cos(angle) * shape.worm_radius, along = std::sin(angle);
-  return std::make_shared<PairSum>(std::vector<PairSum::Part>{{along, {Relative::along, 2}},
+  return std::make_shared<PairSum>(std::vector<PairSum::Term>{{along, {Relative::along, 2}},
                                                               {-along * shape.radius, {Relative::angle, 0, 2}, true},
                                                               {round * shares.centre, {Relative::polar}},
                                                               {round * shares.axis, {Relative::angle, 0, 2}}});

@@ -19,7 +19,7 @@ class FileElements {
   /// Adds an element and returns its number here. @param nodes indices of mesh nodes, as many as the shape has
   std::size_t add(ElementType type, std::int64_t label, std::span<const Index> nodes);
   /// Puts an element into a set of the file.
-  void put(std::size_t element, const std::string& set) { sets_[set].push_back(element); }
+  void add_to_set(std::size_t element, const std::string& set) { sets_[set].push_back(element); }
   [[nodiscard]] std::size_t count() const { return elements_.size(); }
 
   /// Elements and sets go to `mesh`, whose nodes stand. A set becomes an element set of its elements, a node set of the

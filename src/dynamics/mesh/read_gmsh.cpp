@@ -129,7 +129,7 @@ class GmshReader {
       skip_to_end(section);
     }
     if (mesh_.nodes.empty()) reader_.fail("the file has no $Nodes");
-    for (const auto& [element, key] : physical_) elements_.put(element, set_name(key));
+    for (const auto& [element, key] : physical_) elements_.add_to_set(element, set_name(key));
     elements_.finish(mesh_);
     note_complete_kinds(mesh_, complete_);
     return std::move(mesh_);

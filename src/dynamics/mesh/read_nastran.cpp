@@ -114,7 +114,7 @@ class NastranReader {
       ++turned_;
     }
     const std::size_t added = elements_.add(type, label, {nodes.data(), count});
-    elements_.put(added, fmt::format("property-{}", card.integer(1, "property", label)));
+    elements_.add_to_set(added, fmt::format("property-{}", card.integer(1, "property", label)));
   }
 
   /// Grid points that are held or loaded, as a set: SPC-<number>, FORCE-<number>.

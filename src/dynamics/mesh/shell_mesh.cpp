@@ -122,7 +122,7 @@ class ShellMesher {
     const std::size_t corners = corners_of_[at(e)];
     const bool quadratic = nodes.size() > corners;
     if (!quadratic && !divide_) {
-      put({nodes[0], nodes[1], nodes[2], nodes[3]}, e, thickness);
+      add_quad({nodes[0], nodes[1], nodes[2], nodes[3]}, e, thickness);
       return;
     }
     std::vector<Index> mids;
@@ -142,12 +142,12 @@ class ShellMesher {
     for (std::size_t a = 0; a < corners; ++a) mean += thickness[a] / static_cast<double>(corners);
     for (std::size_t a = 0; a < corners; ++a) {
       const std::size_t before = (a + corners - 1) % corners, after = (a + 1) % corners;
-      put({nodes[a], mids[a], centre, mids[before]}, e,
-          {thickness[a], 0.5 * (thickness[a] + thickness[after]), mean, 0.5 * (thickness[before] + thickness[a])});
+      add_quad({nodes[a], mids[a], centre, mids[before]}, e,
+               {thickness[a], 0.5 * (thickness[a] + thickness[after]), mean, 0.5 * (thickness[before] + thickness[a])});
     }
   }
 
-  void put(const Quad& quad, Index element, const std::array<double, 4>& thickness) {
+  void add_quad(const Quad& quad, Index element, const std::array<double, 4>& thickness) {
     quads_.push_back(quad);
     element_.push_back(element);
     thickness_.push_back(thickness);

@@ -82,7 +82,7 @@ struct TyreMesh {
   int divisions[3] = {0, 0, 0};  ///< around, across, through the thickness; all 0: by unknowns
 };
 /// A mesh from one of our meshers.
-struct MeshPart {
+struct MesherSpec {
   std::variant<BlockMesh, RodShape, LinkShape, CrankShape, GuideShape, RotorShape, GearMesh, TyreMesh> shape;
   MeshSize size;
 };
@@ -96,7 +96,7 @@ struct ErosionSpec {
 };
 
 struct SolidSpec {
-  std::variant<MeshFile, MeshPart> mesh;
+  std::variant<MeshFile, MesherSpec> mesh;
   std::string element_set;           ///< empty: all elements
   std::optional<Material> material;  ///< none: what the mesh file states
   SolidOptions options;
@@ -134,12 +134,12 @@ struct BeamSpec {
   Index elements = 10;
   BeamSection section;
   std::optional<SectionOutline> outline{};  ///< none: the section is given by its constants
-  struct Part {
+  struct ChainSection {
     BeamSection section;
     std::optional<SectionOutline> outline;
   };
-  std::optional<LineFile> file{};  ///< instead of axis and elements
-  std::vector<Part> sections{};    ///< of the chains of the file
+  std::optional<LineFile> file{};        ///< instead of axis and elements
+  std::vector<ChainSection> sections{};  ///< of the chains of the file
 };
 /// A plate of nx x ny shells: origin + s x + t y, s and t in [0, 1]; flat, or with x bent to an arc of the same length
 /// that leaves the origin along x and turns towards the normal, x cross y.
@@ -541,7 +541,7 @@ struct OutputSpec {
 struct HarmonicSpec {
   /// amplitude cos(w t) is added to what a force is driven by (the factor of a load, the pressure, the actuator of a
   /// spring, torque or force of a motor), to the function of a motor, or to an input.
-  struct Part {
+  struct Excitation {
     Place place;
     std::string of;  ///< name of the force or joint; of an input with or without "inputs."
     std::complex<double> amplitude;
@@ -549,7 +549,7 @@ struct HarmonicSpec {
   struct Load {
     Place place;
     std::string name;
-    std::vector<Part> parts;  ///< act at the same time
+    std::vector<Excitation> parts;  ///< act at the same time
   };
   Place place;
   HarmonicOptions options;              ///< frequencies, tolerance, loss factor, shapes; the rest is unused

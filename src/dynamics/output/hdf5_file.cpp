@@ -166,7 +166,7 @@ std::string File::header_of(const Object& o, std::uint64_t base) const {
     const Chunked& c = chunked_[o.number];
     return chunked_header(c.shape, c.chunk_rows, c.last.empty() ? kNowhere : c.last.back().address);
   }
-  std::vector<Link> links;
+  std::vector<GroupMember> links;
   for (const std::size_t m : o.members) {
     const Object& member = objects_[m];
     links.push_back(
@@ -184,18 +184,18 @@ std::string File::headers(std::uint64_t base) const {
 /// What the next run needs to go on: where arrays are, and how long.
 std::string File::record() const {
   Bytes b;
-  b.put(std::string(kRecord, 8));
-  b.put(fingerprint_, 8);
-  b.put(commits_, 8);
+  b.append(std::string(kRecord, 8));
+  b.append(fingerprint_, 8);
+  b.append(commits_, 8);
   for (const Series& s : series_) {
-    b.put(s.address, 8);
-    b.put(s.shape.rows, 8);
+    b.append(s.address, 8);
+    b.append(s.shape.rows, 8);
   }
   for (const Chunked& c : chunked_) {
-    b.put(c.last.empty() ? kNowhere : c.last.back().address, 8);
-    b.put(c.chunks, 8);
+    b.append(c.last.empty() ? kNowhere : c.last.back().address, 8);
+    b.append(c.chunks, 8);
   }
-  b.put(crc(b.text()), 8);
+  b.append(crc(b.text()), 8);
   return b.text();
 }
 
@@ -221,7 +221,7 @@ void File::append(int series, double value) { append(series, std::bit_cast<std::
 
 void File::append(int series, std::int64_t value) {
   Bytes b;
-  b.put(static_cast<std::uint64_t>(value), 8);
+  b.append(static_cast<std::uint64_t>(value), 8);
   append_bytes(series_[place(series)], b.text());
 }
 
@@ -276,11 +276,11 @@ void File::add_child(Chunked& c, std::size_t level, std::uint64_t child, std::ui
     // Behind the last child stands what is behind its chunks: in nodes above the leaves, a row that is never reached.
     const std::uint64_t behind = level == 0 ? first_row + c.chunk_rows : c.chunk_rows << 31U;
     Bytes b, count;
-    b.put(chunk_key(c.shape, first_row, packed));
-    b.put(child, 8);
-    b.put(chunk_key(c.shape, behind, 0));
+    b.append(chunk_key(c.shape, first_row, packed));
+    b.append(child, 8);
+    b.append(chunk_key(c.shape, behind, 0));
     write_at(node.address + kHead + static_cast<std::size_t>(node.children) * entry, b.text());
-    count.put(static_cast<std::uint64_t>(++node.children), 2);
+    count.append(static_cast<std::uint64_t>(++node.children), 2);
     write_at(node.address + 6, count.text());
   };
   if (level == c.last.size()) {  // a root, above the one that has been it
@@ -302,7 +302,7 @@ void File::add_child(Chunked& c, std::size_t level, std::uint64_t child, std::ui
   node = {new_node(c, level, full.address), 0};
   append_to(node);
   Bytes right;
-  right.put(node.address, 8);
+  right.append(node.address, 8);
   write_at(full.address + kHead + kChunkChildren * entry, chunk_key(c.shape, first_row, 0));
   write_at(full.address + 16, right.text());
   const std::uint64_t above = node.address;
@@ -383,7 +383,7 @@ std::string Earlier::read(std::uint64_t address, std::size_t bytes) const {
   return out;
 }
 
-void Earlier::walk(const ArrayShape& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const {
+void Earlier::walk(const ArrayExtents& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const {
   const std::string bytes = read(node, node_bytes(shape));
   const std::size_t key = key_bytes(shape);
   const auto children = static_cast<std::size_t>(number_at(bytes.data() + 6, 2));

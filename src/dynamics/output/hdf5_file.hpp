@@ -58,7 +58,7 @@ class File {
  private:
   friend class Earlier;
   struct Series {
-    ArrayShape shape;
+    ArrayExtents shape;
     std::uint64_t address = kNowhere, capacity = 0;
     std::string fixed;  // texts
   };
@@ -67,7 +67,7 @@ class File {
     int children = 0;
   };
   struct Chunked {
-    ArrayShape shape;
+    ArrayExtents shape;
     std::uint64_t chunk_rows = 1, pieces = 1, chunks = 0;
     bool fixed = false;
     std::vector<TreeNode> last;  // the last node of each level, leaves first
@@ -130,7 +130,7 @@ class Earlier {
   };
   [[nodiscard]] std::string read(std::uint64_t address, std::size_t bytes) const;
   /// @param above  the level of the node above
-  void walk(const ArrayShape& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const;
+  void walk(const ArrayExtents& shape, std::uint64_t node, int above, std::vector<Chunk>& out) const;
 
   std::string path_;
   int descriptor_ = -1;

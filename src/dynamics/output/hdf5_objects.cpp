@@ -25,60 +25,60 @@ std::string datatype(NumberType type) {
   Bytes b;
   const int bytes = bytes_of(type);
   const bool real = type == NumberType::float32 || type == NumberType::float64;
-  b.put(real ? 0x11 : 0x10, 1);
-  b.put(real ? 0x20 : type == NumberType::int64 ? 0x08 : 0, 1);    // the leading bit is implied; signed
-  b.put(real ? static_cast<std::uint64_t>(8 * bytes - 1) : 0, 1);  // where the sign is
-  b.put(0, 1);
-  b.put(static_cast<std::uint64_t>(bytes), 4);
-  b.put(0, 2);
-  b.put(static_cast<std::uint64_t>(8 * bytes), 2);
+  b.append(real ? 0x11 : 0x10, 1);
+  b.append(real ? 0x20 : type == NumberType::int64 ? 0x08 : 0, 1);    // the leading bit is implied; signed
+  b.append(real ? static_cast<std::uint64_t>(8 * bytes - 1) : 0, 1);  // where the sign is
+  b.append(0, 1);
+  b.append(static_cast<std::uint64_t>(bytes), 4);
+  b.append(0, 2);
+  b.append(static_cast<std::uint64_t>(8 * bytes), 2);
   if (!real) return b.text();
   const bool single = type == NumberType::float32;
-  b.put(single ? 23 : 52, 1);
-  b.put(single ? 8 : 11, 1);
-  b.put(0, 1);
-  b.put(single ? 23 : 52, 1);
-  b.put(single ? 127 : 1023, 4);
+  b.append(single ? 23 : 52, 1);
+  b.append(single ? 8 : 11, 1);
+  b.append(0, 1);
+  b.append(single ? 23 : 52, 1);
+  b.append(single ? 127 : 1023, 4);
   return b.text();
 }
 
 std::string text_datatype(std::uint64_t bytes, bool utf8) {
   Bytes b;
-  b.put(0x13, 1);
-  b.put(utf8 ? 0x11 : 0x01, 3);  // zeros behind the text
-  b.put(bytes, 4);
+  b.append(0x13, 1);
+  b.append(utf8 ? 0x11 : 0x01, 3);  // zeros behind the text
+  b.append(bytes, 4);
   return b.text();
 }
 
 /// IV.A.2.b. @param open  whether the first dimension may grow
 std::string dataspace(const std::vector<std::uint64_t>& extents, bool open) {
   Bytes b;
-  b.put(2, 1);
-  b.put(extents.size(), 1);
-  b.put(open ? 1 : 0, 1);
-  b.put(extents.empty() ? 0 : 1, 1);
-  for (const std::uint64_t n : extents) b.put(n, 8);
+  b.append(2, 1);
+  b.append(extents.size(), 1);
+  b.append(open ? 1 : 0, 1);
+  b.append(extents.empty() ? 0 : 1, 1);
+  for (const std::uint64_t n : extents) b.append(n, 8);
   if (!open) return b.text();
-  b.put(kNowhere, 8);
-  for (std::size_t i = 1; i < extents.size(); ++i) b.put(extents[i], 8);
+  b.append(kNowhere, 8);
+  for (std::size_t i = 1; i < extents.size(); ++i) b.append(extents[i], 8);
   return b.text();
 }
 
 void add_message(Bytes& messages, Message kind, const std::string& body) {
-  messages.put(kind, 1);
-  messages.put(body.size(), 2);
-  messages.put(0, 1);
-  messages.put(body);
+  messages.append(kind, 1);
+  messages.append(body.size(), 2);
+  messages.append(0, 1);
+  messages.append(body);
 }
 
 std::string header(const Bytes& messages) {
   Bytes b;
-  b.put("OHDR");
-  b.put(2, 1);
-  b.put(2, 1);  // the size of the messages has 4 bytes
-  b.put(messages.size(), 4);
-  b.put(messages.text());
-  b.put(checksum(b.text()), 4);
+  b.append("OHDR");
+  b.append(2, 1);
+  b.append(2, 1);  // the size of the messages has 4 bytes
+  b.append(messages.size(), 4);
+  b.append(messages.text());
+  b.append(checksum(b.text()), 4);
   return b.text();
 }
 
@@ -89,31 +89,32 @@ std::string attribute_body(const Attribute& a) {
   const std::string space =
       text || a.single ? dataspace({}, false) : dataspace({static_cast<std::uint64_t>(a.numbers.size())}, false);
   Bytes b;
-  b.put(3, 1);
-  b.put(0, 1);
-  b.put(a.name.size() + 1, 2);
-  b.put(type.size(), 2);
-  b.put(space.size(), 2);
-  b.put(0, 1);
-  b.put(a.name);
-  b.put(0, 1);
-  b.put(type);
-  b.put(space);
-  b.put(a.text);
-  for (const std::int64_t n : a.numbers) b.put(static_cast<std::uint64_t>(n), 8);
+  b.append(3, 1);
+  b.append(0, 1);
+  b.append(a.name.size() + 1, 2);
+  b.append(type.size(), 2);
+  b.append(space.size(), 2);
+  b.append(0, 1);
+  b.append(a.name);
+  b.append(0, 1);
+  b.append(type);
+  b.append(space);
+  b.append(a.text);
+  for (const std::int64_t n : a.numbers) b.append(static_cast<std::uint64_t>(n), 8);
   return b.text();
 }
 
-std::vector<std::uint64_t> extents_of(const ArrayShape& shape) {
+std::vector<std::uint64_t> extents_of(const ArrayExtents& shape) {
   return shape.columns == 0 ? std::vector{shape.rows} : std::vector{shape.rows, shape.columns};
 }
 
-std::string array_header(const ArrayShape& shape, bool chunked, const std::string& layout, const std::string& filters) {
+std::string array_header(const ArrayExtents& shape, bool chunked, const std::string& layout,
+                         const std::string& filters) {
   Bytes m, fill;
   add_message(m, kDataspace, dataspace(extents_of(shape), chunked));
   add_message(m, kDatatype, shape.text > 0 ? text_datatype(shape.text, true) : datatype(shape.type));
-  fill.put(3, 1);
-  fill.put(chunked ? 0x0B : 0x0A, 1);  // room as it is needed; the usual value
+  fill.append(3, 1);
+  fill.append(chunked ? 0x0B : 0x0A, 1);  // room as it is needed; the usual value
   add_message(m, kFillValue, fill.text());
   add_message(m, kLayout, layout);
   if (!filters.empty()) add_message(m, kFilters, filters);
@@ -126,7 +127,7 @@ std::uint32_t rotated(std::uint32_t x, int by) { return std::rotl(x, by); }
 
 int bytes_of(NumberType type) { return type == NumberType::uint8 ? 1 : type == NumberType::float32 ? 4 : 8; }
 
-void Bytes::put(std::uint64_t value, int bytes) {
+void Bytes::append(std::uint64_t value, int bytes) {
   for (int i = 0; i < bytes; ++i) text_ += static_cast<char>(i < 8 ? value >> 8 * i & 0xFFU : 0);
 }
 
@@ -168,16 +169,16 @@ std::uint32_t checksum(const std::string& bytes) {
 
 std::string superblock(std::uint64_t end, std::uint64_t root) {
   Bytes b;
-  b.put(std::string(kSignature, 8));
-  b.put(2, 1);
-  b.put(8, 1);  // bytes of addresses and lengths
-  b.put(8, 1);
-  b.put(0, 1);  // nobody has it open for writing
-  b.put(0, 8);
-  b.put(kNowhere, 8);
-  b.put(end, 8);
-  b.put(root, 8);
-  b.put(checksum(b.text()), 4);
+  b.append(std::string(kSignature, 8));
+  b.append(2, 1);
+  b.append(8, 1);  // bytes of addresses and lengths
+  b.append(8, 1);
+  b.append(0, 1);  // nobody has it open for writing
+  b.append(0, 8);
+  b.append(kNowhere, 8);
+  b.append(end, 8);
+  b.append(root, 8);
+  b.append(checksum(b.text()), 4);
   return b.text();
 }
 
@@ -187,84 +188,84 @@ std::uint64_t root_of(const std::string& bytes) {
   return bytes == superblock(end, root) ? root : kNowhere;
 }
 
-std::string group_header(const std::vector<Attribute>& attributes, const std::vector<Link>& links) {
+std::string group_header(const std::vector<Attribute>& attributes, const std::vector<GroupMember>& links) {
   Bytes m, info;
-  info.put(0, 2);
-  info.put(kNowhere, 8);
-  info.put(kNowhere, 8);
+  info.append(0, 2);
+  info.append(kNowhere, 8);
+  info.append(kNowhere, 8);
   add_message(m, kLinkInfo, info.text());
   add_message(m, kGroupInfo, std::string(2, '\0'));
   for (const Attribute& a : attributes) add_message(m, kAttribute, attribute_body(a));
-  for (const Link& link : links) {
+  for (const GroupMember& link : links) {
     Bytes b;
-    b.put(1, 1);
-    b.put(0x11, 1);  // the length of the name has 2 bytes; UTF-8
-    b.put(1, 1);
-    b.put(link.name.size(), 2);
-    b.put(link.name);
-    b.put(link.address, 8);
+    b.append(1, 1);
+    b.append(0x11, 1);  // the length of the name has 2 bytes; UTF-8
+    b.append(1, 1);
+    b.append(link.name.size(), 2);
+    b.append(link.name);
+    b.append(link.address, 8);
     add_message(m, kLink, b.text());
   }
   return header(m);
 }
 
-std::uint64_t ArrayShape::row_bytes() const {
+std::uint64_t ArrayExtents::row_bytes() const {
   return (text > 0 ? text : static_cast<std::uint64_t>(bytes_of(type))) * std::max<std::uint64_t>(1, columns);
 }
 
-std::string contiguous_header(const ArrayShape& shape, std::uint64_t address) {
+std::string contiguous_header(const ArrayExtents& shape, std::uint64_t address) {
   Bytes layout;
-  layout.put(3, 1);
-  layout.put(1, 1);
-  layout.put(address, 8);
-  layout.put(shape.rows * shape.row_bytes(), 8);
+  layout.append(3, 1);
+  layout.append(1, 1);
+  layout.append(address, 8);
+  layout.append(shape.rows * shape.row_bytes(), 8);
   return array_header(shape, false, layout.text(), "");
 }
 
-std::string chunked_header(const ArrayShape& shape, std::uint64_t chunk_rows, std::uint64_t index) {
+std::string chunked_header(const ArrayExtents& shape, std::uint64_t chunk_rows, std::uint64_t index) {
   const auto bytes = static_cast<std::uint64_t>(bytes_of(shape.type));
   Bytes layout, filters;
-  layout.put(3, 1);
-  layout.put(2, 1);
-  layout.put(shape.columns == 0 ? 2 : 3, 1);
-  layout.put(index, 8);
-  layout.put(chunk_rows, 4);
-  if (shape.columns > 0) layout.put(shape.columns, 4);
-  layout.put(bytes, 4);
-  filters.put(2, 1);
-  filters.put(2, 1);
+  layout.append(3, 1);
+  layout.append(2, 1);
+  layout.append(shape.columns == 0 ? 2 : 3, 1);
+  layout.append(index, 8);
+  layout.append(chunk_rows, 4);
+  if (shape.columns > 0) layout.append(shape.columns, 4);
+  layout.append(bytes, 4);
+  filters.append(2, 1);
+  filters.append(2, 1);
   for (const auto& [filter, value] : {std::pair{2, bytes}, std::pair{1, std::uint64_t{4}}}) {  // shuffle, deflate
-    filters.put(static_cast<std::uint64_t>(filter), 2);
-    filters.put(0, 2);
-    filters.put(1, 2);
-    filters.put(value, 4);
+    filters.append(static_cast<std::uint64_t>(filter), 2);
+    filters.append(0, 2);
+    filters.append(1, 2);
+    filters.append(value, 4);
   }
   return array_header(shape, true, layout.text(), filters.text());
 }
 
-std::size_t key_bytes(const ArrayShape& shape) { return shape.columns == 0 ? 24 : 32; }
+std::size_t key_bytes(const ArrayExtents& shape) { return shape.columns == 0 ? 24 : 32; }
 
-std::size_t node_bytes(const ArrayShape& shape) {
+std::size_t node_bytes(const ArrayExtents& shape) {
   return 24 + (kChunkChildren + 1) * key_bytes(shape) + kChunkChildren * 8;
 }
 
-std::string chunk_key(const ArrayShape& shape, std::uint64_t first_row, std::uint64_t packed) {
+std::string chunk_key(const ArrayExtents& shape, std::uint64_t first_row, std::uint64_t packed) {
   Bytes b;
-  b.put(packed, 4);
-  b.put(0, 4);
-  b.put(first_row, 8);
+  b.append(packed, 4);
+  b.append(0, 4);
+  b.append(first_row, 8);
   b.pad(key_bytes(shape));
   return b.text();
 }
 
-std::string empty_node(const ArrayShape& shape, int level, std::uint64_t left) {
+std::string empty_node(const ArrayExtents& shape, int level, std::uint64_t left) {
   Bytes b;
-  b.put("TREE");
-  b.put(1, 1);
-  b.put(static_cast<std::uint64_t>(level), 1);
-  b.put(0, 2);
-  b.put(left, 8);
-  b.put(kNowhere, 8);
+  b.append("TREE");
+  b.append(1, 1);
+  b.append(static_cast<std::uint64_t>(level), 1);
+  b.append(0, 2);
+  b.append(left, 8);
+  b.append(kNowhere, 8);
   b.pad(node_bytes(shape));
   return b.text();
 }

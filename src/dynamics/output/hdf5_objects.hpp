@@ -20,8 +20,8 @@ inline constexpr std::size_t kSuperblock = 48;                ///< bytes
 /// Numbers of the file are little-endian.
 class Bytes {
  public:
-  void put(std::uint64_t value, int bytes);
-  void put(const std::string& text) { text_ += text; }
+  void append(std::uint64_t value, int bytes);
+  void append(const std::string& text) { text_ += text; }
   void pad(std::size_t to) { text_.resize(to, '\0'); }
   [[nodiscard]] std::size_t size() const { return text_.size(); }
   [[nodiscard]] const std::string& text() const { return text_; }
@@ -48,31 +48,31 @@ struct Attribute {
 };
 
 /// IV.A.1.b; links are those of a group in its header.
-struct Link {
+struct GroupMember {
   std::string name;
   std::uint64_t address = 0;
 };
-[[nodiscard]] std::string group_header(const std::vector<Attribute>& attributes, const std::vector<Link>& links);
+[[nodiscard]] std::string group_header(const std::vector<Attribute>& attributes, const std::vector<GroupMember>& links);
 
 /// rows x columns numbers, or texts of one length.
-struct ArrayShape {
+struct ArrayExtents {
   NumberType type = NumberType::float64;
   std::uint64_t rows = 0, columns = 0;  ///< columns 0: an array of one dimension
   std::uint64_t text = 0;               ///< bytes of each text; 0: numbers
   [[nodiscard]] std::uint64_t row_bytes() const;
 };
 /// An array in one piece at an address.
-[[nodiscard]] std::string contiguous_header(const ArrayShape& shape, std::uint64_t address);
+[[nodiscard]] std::string contiguous_header(const ArrayExtents& shape, std::uint64_t address);
 /// An array in chunks of some rows, shuffled and deflated. @param index  address of the root of their B-tree
-[[nodiscard]] std::string chunked_header(const ArrayShape& shape, std::uint64_t chunk_rows, std::uint64_t index);
+[[nodiscard]] std::string chunked_header(const ArrayExtents& shape, std::uint64_t chunk_rows, std::uint64_t index);
 
 /// A node of the index of chunks, III.A.1, with room for kChunkChildren of them; a child is appended to a node in the
 /// file by three writes (entry(), its place, number of entries), after each of which the node is a valid one.
 inline constexpr int kChunkChildren = 64;
-[[nodiscard]] std::size_t key_bytes(const ArrayShape& shape);
-[[nodiscard]] std::size_t node_bytes(const ArrayShape& shape);
+[[nodiscard]] std::size_t key_bytes(const ArrayExtents& shape);
+[[nodiscard]] std::size_t node_bytes(const ArrayExtents& shape);
 /// @param first_row, packed  of the chunk that the key stands for; packed: its bytes
-[[nodiscard]] std::string chunk_key(const ArrayShape& shape, std::uint64_t first_row, std::uint64_t packed);
-[[nodiscard]] std::string empty_node(const ArrayShape& shape, int level, std::uint64_t left);
+[[nodiscard]] std::string chunk_key(const ArrayExtents& shape, std::uint64_t first_row, std::uint64_t packed);
+[[nodiscard]] std::string empty_node(const ArrayExtents& shape, int level, std::uint64_t left);
 
 }  // namespace espalier::dynamics::hdf5

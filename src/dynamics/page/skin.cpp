@@ -120,15 +120,15 @@ class LineSkin final : public Skin {
       for (Index k = 0; k < around; ++k)
         edges.push_back({node * pieces_ * around + k, node * pieces_ * around + (k + 1) % around});
   }
-  void place(const double* vertices, double* x) const override { put(vertices, vertices, x); }
+  void place(const double* vertices, double* x) const override { interpolate(vertices, vertices, x); }
   void rates(const double* vertices, const double* velocities, double* v) const override {
-    put(vertices, velocities, v);
+    interpolate(vertices, velocities, v);
   }
 
  private:
   // Beams are linear in their vertices. A cable has a round section, whose own turn nobody knows: it moves with the
   // axis.
-  void put(const double* position, const double* values, double* x) const {
+  void interpolate(const double* position, const double* values, double* x) const {
     const bool rates = values != position, cable = step_ == 2;
     Vec3 y = Vec3::Zero();
     for (Index e = 0; e < elements_; ++e)

@@ -35,7 +35,7 @@ struct SubstructureBody {
   /// The nodes as a body of points, four vertices each (the place, and three axes that the node's rotation turns),
   /// without mass or stiffness of its own: what frames, pictures and sensors hold on to.
   std::unique_ptr<NodalBody> points;
-  ReducedShapes shapes;  ///< of the points; the amplitude is the root mean square of the displacement of the mass
+  ReducedBasis shapes;  ///< of the points; the amplitude is the root mean square of the displacement of the mass
   ReducedInertia inertia;
 };
 

@@ -21,7 +21,7 @@ void add_border(analysis::AssemblyTree& tree, const Border& border, const Prepar
   std::vector<Index> position(at(tree.n)), column_of_row(at(tree.n));
   for (Index k = 0; k < tree.n; ++k) position[at(tree.order[at(k)])] = k;
   for (Index c = 0; c < tree.n; ++c) column_of_row[at(p.row_of(c))] = c;
-  std::vector<analysis::BorderLink> links;
+  std::vector<analysis::BorderEntry> links;
   links.reserve(border.entries.size());
   for (const Border::Entry& e : border.entries)
     links.push_back({position[at(e.upper ? column_of_row[at(e.inner)] : e.inner)], e.border});

@@ -177,20 +177,21 @@ std::shared_ptr<const matrix::RowIndex> follow_rows(const matrix::RowIndex& was,
                                  [](const NewEntry& e, std::int64_t row) { return e.row < row; });
     for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) {
       Offset to = made->ptr[r];
-      const auto put = [&](Index col, Offset source) {
+      const auto append_entry = [&](Index col, Offset source) {
         made->col[to] = col;
         made->source[to++] = source;
       };
-      const auto put_new = [&](Index end_col) {
-        for (; next != added.end() && at(next->row) == r && next->col < end_col; ++next) put(next->col, next->source);
+      const auto append_new_before = [&](Index end_col) {
+        for (; next != added.end() && at(next->row) == r && next->col < end_col; ++next)
+          append_entry(next->col, next->source);
       };
       const bool has_new = next != added.end() && at(next->row) == r;
       for (Offset q = was.ptr[r]; q < was.ptr[r + 1]; ++q) {
         const Index col = was.col[q];
-        if (has_new) put_new(col);
-        if (const Offset source = moves(col, was.source[q]); source >= 0) put(col, source);
+        if (has_new) append_new_before(col);
+        if (const Offset source = moves(col, was.source[q]); source >= 0) append_entry(col, source);
       }
-      put_new(now.cols);
+      append_new_before(now.cols);
     }
   });
   return made;

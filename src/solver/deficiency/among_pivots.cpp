@@ -11,7 +11,7 @@
 #include "solver/deficiency/deficiency.hpp"
 #include "solver/deficiency/dense.hpp"
 #include "solver/deficiency/description.hpp"
-#include "solver/deficiency/search.hpp"
+#include "solver/deficiency/null_space_iteration.hpp"
 
 namespace espalier::solver {
 
@@ -21,10 +21,11 @@ namespace {
 class Reduced {
  public:
   // W of all columns.
-  static std::optional<Reduced> of_all(const Search& search, std::span<const Index> rows, bool transpose);
+  static std::optional<Reduced> of_all(const NullSpaceIteration& search, std::span<const Index> rows, bool transpose);
   // W of random columns, more of them until they are more than m has of independent ones: the rank of m is that of
   // samples of it (Halko, Martinsson and Tropp 2011).
-  static std::optional<Reduced> of_samples(const Search& search, std::span<const Index> rows, bool transpose);
+  static std::optional<Reduced> of_samples(const NullSpaceIteration& search, std::span<const Index> rows,
+                                           bool transpose);
 
   // Of m, surely: zeros and others are far apart.
   [[nodiscard]] Index rank() const { return rank_; }
@@ -38,10 +39,10 @@ class Reduced {
   [[nodiscard]] Index negative() const;
 
  private:
-  Reduced(const Search& search, std::span<const Index> rows, bool transpose);
+  Reduced(const NullSpaceIteration& search, std::span<const Index> rows, bool transpose);
   bool reduce();
 
-  const Search* search_;
+  const NullSpaceIteration* search_;
   std::span<const Index> rows_;
   std::vector<Index> places_;  // these rows in the real space
   bool transpose_;
@@ -51,14 +52,14 @@ class Reduced {
   Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr_;  // of m, or of random combinations of its rows
 };
 
-Reduced::Reduced(const Search& search, std::span<const Index> rows, bool transpose)
+Reduced::Reduced(const NullSpaceIteration& search, std::span<const Index> rows, bool transpose)
     : search_(&search), rows_(rows), transpose_(transpose) {
   const Index parts = search.matrix().parts();
   for (const Index row : rows)
     for (Index part = 0; part < parts; ++part) places_.push_back(parts * row + part);
 }
 
-std::optional<Reduced> Reduced::of_all(const Search& search, std::span<const Index> rows, bool transpose) {
+std::optional<Reduced> Reduced::of_all(const NullSpaceIteration& search, std::span<const Index> rows, bool transpose) {
   Reduced r(search, rows, transpose);
   Block unit(search.matrix().n(), static_cast<Index>(r.places_.size()));
   for (Index c = 0; c < unit.columns; ++c) unit.column(c)[r.places_[at(c)]] = 1;
@@ -67,7 +68,8 @@ std::optional<Reduced> Reduced::of_all(const Search& search, std::span<const Ind
   return r;
 }
 
-std::optional<Reduced> Reduced::of_samples(const Search& search, std::span<const Index> rows, bool transpose) {
+std::optional<Reduced> Reduced::of_samples(const NullSpaceIteration& search, std::span<const Index> rows,
+                                           bool transpose) {
   constexpr Index kFirstSamples = 24, kMostSamples = 512, kSpare = 4;
   constexpr double kMostGrowth = 1e6;  // beside what has grown so far, others might not be seen
   const ScaledMatrix& b = search.matrix();
@@ -187,7 +189,7 @@ std::optional<Deficiency> zeros_among_pivots(const DeficiencyJob& job, std::span
   const double pivots = static_cast<double>(parts) * static_cast<double>(rows.size());
   const double work = job.prepared.n() * parts * pivots * pivots;
   const bool all = work <= job.vector_work;
-  Search search(job);
+  NullSpaceIteration search(job);
   if (rows.empty() || (all && work > kMost) || !search.surely_regular()) return {};
   search.prepare();
   const bool lu = job.kind == Kind::lu;

@@ -8,7 +8,7 @@
 
 #include "solver/deficiency/dense.hpp"
 #include "solver/deficiency/description.hpp"
-#include "solver/deficiency/search.hpp"
+#include "solver/deficiency/null_space_iteration.hpp"
 
 namespace espalier::solver {
 
@@ -18,7 +18,7 @@ namespace {
 Index whole(Index directions, Index parts) { return (directions + parts - 1) / parts; }
 
 // The smallest directions of B, more of them while zeros may be among those that are missing.
-Directions smallest_directions(const Search& search) {
+Directions smallest_directions(const NullSpaceIteration& search) {
   const DeficiencyJob& job = search.job();
   const Index n = search.matrix().n(), suspects = search.matrix().parts() * job.suspects;
   constexpr double kMostWork = 1 << 24;  // of n * columns^2, for each of many steps
@@ -57,7 +57,7 @@ Index negative_suspects(const DeficiencyJob& job, const Directions& d, Index zer
 }
 
 // The smallest directions of op(B) on the left, and what they say of the zeros found on the right.
-Directions other_side(const Search& search, Directions& d, Deficiency& found) {
+Directions other_side(const NullSpaceIteration& search, Directions& d, Deficiency& found) {
   const Index parts = search.matrix().parts();
   Directions other = search.find(d.q.columns, true);
   if (other.found)
@@ -80,7 +80,7 @@ Directions other_side(const Search& search, Directions& d, Deficiency& found) {
 
 Deficiency find_deficiency(const DeficiencyJob& job) {
   Deficiency found;
-  Search search(job);
+  NullSpaceIteration search(job);
   if (!job.replaced && search.surely_regular()) return found;
   if (!job.replaced && job.surely_alone) {
     found.smallest = 0;
@@ -117,12 +117,12 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   return found;
 }
 
-bool surely_regular(const DeficiencyJob& job) { return Search(job).surely_regular(); }
+bool surely_regular(const DeficiencyJob& job) { return NullSpaceIteration(job).surely_regular(); }
 
 std::optional<Deficiency> zeros_of_pivots(const DeficiencyJob& job, Index zeros) {
   const Index parts = base::parts_of(job.prepared.numbers);
   if (zeros % parts != 0) return {};
-  Search search(job);
+  NullSpaceIteration search(job);
   if (!search.surely_regular()) return {};
   search.prepare();
   const double work = static_cast<double>(search.matrix().n()) * zeros * zeros;

@@ -91,7 +91,8 @@ std::optional<Eigen::MatrixXd> null_space(const Eigen::MatrixXd& transposed, dou
 
 // What op(B) takes to nothing, by whichever scaling proves the higher rank. @param symmetric  B is, and stays so
 // @returns nothing where its rank is not proven
-std::optional<Block> null_columns(const Search& search, const Eigen::MatrixXd& b, bool symmetric, bool transpose) {
+std::optional<Block> null_columns(const NullSpaceIteration& search, const Eigen::MatrixXd& b, bool symmetric,
+                                  bool transpose) {
   const auto op = [transpose](const Eigen::MatrixXd& m) { return transpose ? Eigen::MatrixXd(m.transpose()) : m; };
   std::optional<Block> best;
   if (const auto null = null_space(op(b).transpose(), search.zero(), b.rows())) {
@@ -122,7 +123,7 @@ std::optional<Index> negative_eigenvalues_of(const Eigen::MatrixXd& b, Index zer
 
 }  // namespace
 
-bool agrees_with_dense(const Search& search, Index zeros) {
+bool agrees_with_dense(const NullSpaceIteration& search, Index zeros) {
   if (search.matrix().n() > kCheapDense) return true;
   const Eigen::MatrixXd b = dense(search.matrix());
   if (!b.allFinite()) return true;
@@ -135,7 +136,7 @@ std::optional<Deficiency> zeros_of_dense(const DeficiencyJob& job) {
   constexpr Index kMost = 1024;  // a second or two
   const Index parts = base::parts_of(job.prepared.numbers);
   if (parts * job.prepared.n() > kMost) return {};
-  Search search(job);
+  NullSpaceIteration search(job);
   search.prepare();
   if (!(search.zero() > 0) || !std::isfinite(search.zero())) return {};
   const Eigen::MatrixXd b = dense(search.matrix());

@@ -132,7 +132,7 @@ void describe(const ScaledMatrix& b, const Block& null, const Block& left, Defic
   describe_basis(b, basis(null), basis(left), found);
 }
 
-void describe_all(const Search& search, double work, Block null, Block left, Deficiency& found) {
+void describe_all(const NullSpaceIteration& search, double work, Block null, Block left, Deficiency& found) {
   found.by_pivots = work > static_cast<double>(kMostVectorWork);
   const auto make_orthonormal = [&](Block& x, bool transpose) {
     (void)normalize(search.job().pool, x);

@@ -3,8 +3,8 @@
 #pragma once
 
 #include "solver/deficiency/deficiency.hpp"
+#include "solver/deficiency/null_space_iteration.hpp"
 #include "solver/deficiency/scaled_matrix.hpp"
-#include "solver/deficiency/search.hpp"
 #include "solver/deficiency/small_block.hpp"
 
 namespace espalier::solver {
@@ -17,6 +17,6 @@ void describe(const ScaledMatrix& b, const Block& null, const Block& left, Defic
 
 /// The same of vectors as they were made, which become a better basis, unless that takes too long: `work` operations.
 /// Then the pivots name the rows.
-void describe_all(const Search& search, double work, Block null, Block left, Deficiency& found);
+void describe_all(const NullSpaceIteration& search, double work, Block null, Block left, Deficiency& found);
 
 }  // namespace espalier::solver

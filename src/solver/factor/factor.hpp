@@ -70,9 +70,9 @@ class FactorValues {
   [[nodiscard]] bool knows_changes(device::DeviceLinearSystem* device) const;
   void send_changed(std::span<const double> from, device::DeviceLinearSystem& device, base::ThreadPool& pool);
 
-  ranks::Link* link_;  // null: there are no other ranks
-  bool shared_;        // by them
-  bool compares_;      // with the values before
+  ranks::Communicator* link_;  // null: there are no other ranks
+  bool shared_;                // by them
+  bool compares_;              // with the values before
   Values values_;
   solve::ResidualOperator residual_;
   bool on_device_ = false;

@@ -425,7 +425,7 @@ class NumericOf final : public Numeric {
   BorderScales border_scales_;
   base::ThreadPool& pool_;
   base::MemoryBudget& budget_;
-  ranks::Link* link_;          // null: there are no other ranks
+  ranks::Communicator* link_;  // null: there are no other ranks
   double smallest_pivot_ = 0;  // relative to the largest scaled entry
   bool parts_with_zeros_ = false;
   base::Buffer<T> values_;     // scaled; only without device_

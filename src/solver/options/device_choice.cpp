@@ -137,13 +137,13 @@ DeviceChoice automatic(const device::Registry& registry, const analysis::Assembl
 }
 
 // How many ranks of this one's machine come before it.
-std::size_t place_on_machine(const ranks::Link& link) {
+std::size_t place_on_machine(const ranks::Communicator& link) {
   const auto& hosts = link.hosts();
   const auto me = hosts.begin() + link.rank();
   return static_cast<std::size_t>(std::count(hosts.begin(), me, *me));
 }
 
-bool is_one_machine(const ranks::Link& link) {
+bool is_one_machine(const ranks::Communicator& link) {
   const auto& hosts = link.hosts();
   return std::all_of(hosts.begin(), hosts.end(), [&](const std::string& host) { return host == hosts.front(); });
 }
@@ -168,7 +168,7 @@ double rounded_speed(double flops, double best) {
 
 // How fast the devices of ranks are, where they are not all of one kind: each rank measures its own. None can be left
 // out. Collective.
-void measure_unequal(DeviceChoice& choice, ranks::Link& link) {
+void measure_unequal(DeviceChoice& choice, ranks::Communicator& link) {
   const int number = choice.numbers[static_cast<std::size_t>(link.rank())];
   std::string mine;
   link.expect_all([&] { mine = choice.backend->find().names.at(static_cast<std::size_t>(number)); });
@@ -198,7 +198,7 @@ void measure_unequal(DeviceChoice& choice, ranks::Link& link) {
 // A device for each rank where all are on one machine that has enough, and the machine model expects them to be faster
 // than the hosts. Rank 0 decides. Collective.
 DeviceChoice automatic_of_ranks(const device::Registry& registry, const analysis::AssemblyTree& tree,
-                                const device::PlanWish& wish, ranks::Link& link) {
+                                const device::PlanWish& wish, ranks::Communicator& link) {
   DeviceChoice hosts = whole_host(registry, fmt::format("the hosts of {} ranks", link.size()));
   if (!is_one_machine(link)) return hosts;
   const double on_hosts = registry.host().predict(tree, wish).on(1) / link.size();
@@ -308,7 +308,8 @@ DeviceChoice choose_device(const Options& options, const device::Registry& regis
   return leave_out(std::move(choice), rates);
 }
 
-std::optional<int> own_device(const Options& options, const device::Registry& registry, const ranks::Link& link) {
+std::optional<int> own_device(const Options& options, const device::Registry& registry,
+                              const ranks::Communicator& link) {
   const auto text = read_device(options.device, registry);
   if (!text)
     throw Error(StatusCode::invalid_input,
@@ -323,7 +324,7 @@ std::optional<int> own_device(const Options& options, const device::Registry& re
   return numbers[place_on_machine(link) % numbers.size()];
 }
 
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link,
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Communicator& link,
                              const analysis::AssemblyTree& tree, const device::PlanWish& wish) {
   std::optional<int> mine;
   link.expect_all([&] { mine = own_device(options, registry, link); });

@@ -9,7 +9,7 @@
 
 #include "device/registry.hpp"
 #include "espalier/solver.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 namespace espalier::solver {
 
@@ -63,11 +63,12 @@ std::optional<DeviceChoice> take_over(const DeviceChoice& failed, const std::str
 /// rank sees, the ranks of a machine take one each, in turn. Collective.
 /// @throws Error on all ranks: (invalid_input) for a text that is no device; (device_error) for devices that ranks
 ///         cannot share, or that one of them has not
-DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Link& link,
+DeviceChoice device_of_ranks(const Options& options, const device::Registry& registry, ranks::Communicator& link,
                              const analysis::AssemblyTree& tree, const device::PlanWish& wish);
 
 /// The number of the device that this rank takes of those named; nothing where it takes none.
-std::optional<int> own_device(const Options& options, const device::Registry& registry, const ranks::Link& link);
+std::optional<int> own_device(const Options& options, const device::Registry& registry,
+                              const ranks::Communicator& link);
 
 /// Budget of each device in bytes; 0: what is free.
 std::vector<Offset> budgets_of(const DeviceChoice& choice, const Options& options);

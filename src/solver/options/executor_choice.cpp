@@ -226,7 +226,7 @@ std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device
 template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core_on_first_rank(const DeviceChoice& all, const Job& job,
                                                                     base::ThreadPool& pool, const Context& context) {
-  const ranks::Link& link = *context.link;
+  const ranks::Communicator& link = *context.link;
   DeviceChoice seen = all;
   Job own{job.plan, job.kind, job.hermitian, job.rule, pool, job.budget, job.timeline, {}, {}, nullptr};
   seen.numbers.clear();

@@ -63,7 +63,7 @@ class FirstRankExecutor final : public device::Executor<T> {
     device::FactorOutcome outcome;
     ranks::by_first_rank(link_, pool_, [&] { outcome = own_->factorize(values); });
     ranks::Packer mine;
-    if (own_) each_field_of_outcome(outcome, [&](const auto& field) { mine.put(field); });
+    if (own_) each_field_of_outcome(outcome, [&](const auto& field) { mine.pack(field); });
     const std::vector<std::byte> told = ranks::from_first_rank(link_, mine.bytes());
     if (!own_) {
       ranks::Unpacker from(told);
@@ -89,12 +89,12 @@ class FirstRankExecutor final : public device::Executor<T> {
   void tell_report() {
     ranks::Packer mine;
     if (own_) {
-      mine.put(own_->name());
-      mine.put(own_->peak_bytes());
-      mine.put(own_->out_of_core());
+      mine.pack(own_->name());
+      mine.pack(own_->peak_bytes());
+      mine.pack(own_->out_of_core());
       const std::vector<device::DeviceWork> work = own_->device_work();
-      mine.put(static_cast<std::uint64_t>(work.size()));
-      for (const device::DeviceWork& w : work) each_field_of_work(w, [&](const auto& field) { mine.put(field); });
+      mine.pack(static_cast<std::uint64_t>(work.size()));
+      for (const device::DeviceWork& w : work) each_field_of_work(w, [&](const auto& field) { mine.pack(field); });
     }
     const std::vector<std::byte> told = ranks::from_first_rank(link_, mine.bytes());
     ranks::Unpacker from(told);
@@ -109,7 +109,7 @@ class FirstRankExecutor final : public device::Executor<T> {
     name_ = fmt::format("{}, driven by {}", name, link_.name_of(0));
   }
 
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   base::ThreadPool& pool_;
   ranks::FirstRankPool threads_;
   Index unknowns_;

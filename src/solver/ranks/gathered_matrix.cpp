@@ -20,7 +20,7 @@ struct Head {
 
 std::size_t doubles_in(base::Numbers numbers) { return static_cast<std::size_t>(base::parts_of(numbers)); }
 
-void check_part(const GivenPart<LocalEntries>& part) {
+void check_part(const GivenLocal<LocalEntries>& part) {
   const LocalEntries& a = part.a;
   const std::size_t values = a.values.size() / doubles_in(part.numbers);
   if (a.row.size() != a.col.size() || (values != 0 && values != a.row.size()))
@@ -51,7 +51,7 @@ void check_part(const LocalRows& a) {
 }
 
 // All say alike whether there are values, of what sort, how large the matrix is, and what is stored.
-std::vector<Head> exchange_heads(const GivenPart<LocalEntries>& part, ranks::Link* link) {
+std::vector<Head> exchange_heads(const GivenLocal<LocalEntries>& part, ranks::Communicator* link) {
   const LocalEntries& a = part.a;
   const Head mine{a.n, static_cast<std::int64_t>(a.storage), static_cast<std::int64_t>(part.numbers),
                   a.values.empty() ? 0 : 1, static_cast<std::int64_t>(a.row.size())};
@@ -75,21 +75,21 @@ std::vector<Head> exchange_heads(const GivenPart<LocalEntries>& part, ranks::Lin
 
 // By rank.
 template <class T>
-std::vector<std::vector<T>> gathered(std::span<const T> mine, ranks::Link* link) {
+std::vector<std::vector<T>> gathered(std::span<const T> mine, ranks::Communicator* link) {
   if (link == nullptr) return {std::vector<T>(mine.begin(), mine.end())};
   return link->all_gather_of(mine);
 }
 
 // Rank after rank.
 template <class T>
-std::vector<T> concatenated(std::span<const T> mine, ranks::Link* link) {
+std::vector<T> concatenated(std::span<const T> mine, ranks::Communicator* link) {
   std::vector<T> all;
   for (const auto& part : gathered(mine, link)) all.insert(all.end(), part.begin(), part.end());
   return all;
 }
 
 template <class Check>
-void on_all(ranks::Link* link, Check&& check) {
+void on_all(ranks::Communicator* link, Check&& check) {
   if (link != nullptr)
     link->expect_all(check);
   else
@@ -120,19 +120,20 @@ Offset place_of(const SparseMatrix& a, Index row, Index col) {
 
 }  // namespace
 
-GivenPart<LocalRows> given(const ComplexLocalRows& part) {
+GivenLocal<LocalRows> given(const ComplexLocalRows& part) {
   const Symmetric symmetric(part.storage);
   return {{part.n, part.first_row, part.row_ptr, part.col, parts_of(part.values), symmetric.storage},
           symmetric.numbers};
 }
 
-GivenPart<LocalEntries> given(const ComplexLocalEntries& part) {
+GivenLocal<LocalEntries> given(const ComplexLocalEntries& part) {
   const Symmetric symmetric(part.storage);
   return {{part.n, part.row, part.col, parts_of(part.values), symmetric.storage}, symmetric.numbers};
 }
 
 // The values take the way that later ones will.
-WholeMatrix GatheredMatrix::gather(const GivenPart<LocalEntries>& part, ranks::Link* link, base::ThreadPool& pool) {
+WholeMatrix GatheredMatrix::gather(const GivenLocal<LocalEntries>& part, ranks::Communicator* link,
+                                   base::ThreadPool& pool) {
   const LocalEntries& mine = part.a;
   on_all(link, [&] { check_part(part); });
   const std::vector<Head> heads = exchange_heads(part, link);
@@ -168,7 +169,8 @@ WholeMatrix GatheredMatrix::gather(const GivenPart<LocalEntries>& part, ranks::L
   return whole;
 }
 
-WholeMatrix GatheredMatrix::gather(const GivenPart<LocalRows>& part, ranks::Link* link, base::ThreadPool& pool) {
+WholeMatrix GatheredMatrix::gather(const GivenLocal<LocalRows>& part, ranks::Communicator* link,
+                                   base::ThreadPool& pool) {
   const LocalRows& mine = part.a;
   on_all(link, [&] { check_part(mine); });
   std::vector<Index> row(mine.col.size());
@@ -176,12 +178,12 @@ WholeMatrix GatheredMatrix::gather(const GivenPart<LocalRows>& part, ranks::Link
     std::fill(row.begin() + mine.row_ptr[static_cast<std::size_t>(r)],
               row.begin() + mine.row_ptr[static_cast<std::size_t>(r) + 1], mine.first_row + r);
   WholeMatrix whole =
-      gather(GivenPart<LocalEntries>({mine.n, row, mine.col, mine.values, mine.storage}, part.numbers), link, pool);
+      gather(GivenLocal<LocalEntries>({mine.n, row, mine.col, mine.values, mine.storage}, part.numbers), link, pool);
   rows_ = {mine.first_row, mine.rows()};
   return whole;
 }
 
-WholeMatrix GatheredMatrix::gather(const GivenMatrix& part, ranks::Link* link) {
+WholeMatrix GatheredMatrix::gather(const GivenMatrix& part, ranks::Communicator* link) {
   const MatrixView& mine = part.a;
   const bool here = link == nullptr || link->rank() == 0;
   const auto from_first = [&]<class T>(std::span<const T> its) {
@@ -241,7 +243,7 @@ void GatheredMatrix::plan_ways(const SparseMatrix& whole, std::span<const std::s
   }
 }
 
-GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ranks::Link* link) const {
+GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ranks::Communicator* link) const {
   const std::size_t doubles = doubles_in(numbers_);
   on_all(link, [&] {
     if (part.size() / doubles != static_cast<std::size_t>(part_entries_) && part_entries_ > 0)
@@ -254,7 +256,7 @@ GatheredMatrix::Slice GatheredMatrix::own_slice(std::span<const double> part, ra
 }
 
 template <class Value>
-GatheredMatrix::Slice GatheredMatrix::slice_of(const Value* part, ranks::Link* link) const {
+GatheredMatrix::Slice GatheredMatrix::slice_of(const Value* part, ranks::Communicator* link) const {
   constexpr std::size_t kParts = std::is_same_v<Value, double> ? 1 : 2;
   std::vector<Value> sorted;
   sorted.reserve(order_.size());
@@ -294,12 +296,12 @@ GatheredMatrix::Slice GatheredMatrix::slice_of(const Value* part, ranks::Link* l
   return slice;
 }
 
-std::vector<double> GatheredMatrix::gather_values(const Slice& own, ranks::Link* link) {
+std::vector<double> GatheredMatrix::gather_values(const Slice& own, ranks::Communicator* link) {
   return concatenated(std::span<const double>(own.values), link);
 }
 
 std::vector<double> GatheredMatrix::gather_rows(std::span<const double> part, RowRange rows, Index columns,
-                                                ranks::Link* link) const {
+                                                ranks::Communicator* link) const {
   const std::size_t doubles = doubles_in(numbers_);
   const auto size = [&](const RowRange& r) {
     return doubles * static_cast<std::size_t>(r.count) * static_cast<std::size_t>(columns);

@@ -9,23 +9,23 @@
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "espalier/ranks.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solver/analysis/prepared_matrix.hpp"
 
 namespace espalier::solver {
 
 /// What a rank has of a matrix: LocalRows or LocalEntries. As in a GivenMatrix, complex values stand there as their
 /// parts, and Hermitian storage is called symmetric.
-template <class Part>
-struct GivenPart {
-  GivenPart(const Part& the_a,  // NOLINT(google-explicit-constructor): most are real
-            base::Numbers the_numbers = base::Numbers::real)
+template <class Local>
+struct GivenLocal {
+  GivenLocal(const Local& the_a,  // NOLINT(google-explicit-constructor): most are real
+             base::Numbers the_numbers = base::Numbers::real)
       : a(the_a), numbers(the_numbers) {}
-  Part a;
+  Local a;
   base::Numbers numbers;
 };
-GivenPart<LocalRows> given(const ComplexLocalRows& part);
-GivenPart<LocalEntries> given(const ComplexLocalEntries& part);
+GivenLocal<LocalRows> given(const ComplexLocalRows& part);
+GivenLocal<LocalEntries> given(const ComplexLocalEntries& part);
 
 /// The owner of a GivenMatrix.
 struct WholeMatrix {
@@ -44,10 +44,10 @@ class GatheredMatrix {
  public:
   /// The whole matrix, of the entries that the ranks have; repeated ones are summed in the order of ranks.
   /// @throws Error(invalid_input) on the rank whose part is inconsistent
-  WholeMatrix gather(const GivenPart<LocalEntries>& part, ranks::Link* link, base::ThreadPool& pool);
-  WholeMatrix gather(const GivenPart<LocalRows>& part, ranks::Link* link, base::ThreadPool& pool);
+  WholeMatrix gather(const GivenLocal<LocalEntries>& part, ranks::Communicator* link, base::ThreadPool& pool);
+  WholeMatrix gather(const GivenLocal<LocalRows>& part, ranks::Communicator* link, base::ThreadPool& pool);
   /// The matrix that rank 0 has, whatever the others give.
-  WholeMatrix gather(const GivenMatrix& part, ranks::Link* link);
+  WholeMatrix gather(const GivenMatrix& part, ranks::Communicator* link);
 
   /// Doubles [first, first + values.size()) of the values of the whole matrix.
   struct Slice {
@@ -55,12 +55,13 @@ class GatheredMatrix {
     Offset first = 0;
   };
   /// This rank's slice of the values, from each rank's in the order of its part; together the slices are the whole.
-  [[nodiscard]] Slice own_slice(std::span<const double> part, ranks::Link* link) const;
+  [[nodiscard]] Slice own_slice(std::span<const double> part, ranks::Communicator* link) const;
   /// The whole, of the slices that own_slice() has made.
-  static std::vector<double> gather_values(const Slice& own, ranks::Link* link);
+  static std::vector<double> gather_values(const Slice& own, ranks::Communicator* link);
   /// Right-hand sides: `columns` columns of the rows that this rank has, summed where several have a row.
   /// @throws Error(invalid_input) where a row is missing
-  std::vector<double> gather_rows(std::span<const double> part, RowRange rows, Index columns, ranks::Link* link) const;
+  std::vector<double> gather_rows(std::span<const double> part, RowRange rows, Index columns,
+                                  ranks::Communicator* link) const;
 
   [[nodiscard]] Index n() const { return n_; }
   /// Of vectors where the caller says nothing else: the rows of this rank's part; all on rank 0 where rows are
@@ -75,7 +76,7 @@ class GatheredMatrix {
                  std::span<const std::span<const Index>> col, int rank, base::ThreadPool& pool);
   [[nodiscard]] Offset slice_begin(std::size_t rank) const;
   template <class Value>
-  [[nodiscard]] Slice slice_of(const Value* part, ranks::Link* link) const;
+  [[nodiscard]] Slice slice_of(const Value* part, ranks::Communicator* link) const;
 
   Index n_ = 0;
   base::Numbers numbers_ = base::Numbers::real;

@@ -26,14 +26,14 @@ void each_part(Tree& t, Use&& use) {
 
 AssemblyTree ordered_once(const Context& context, const std::function<AssemblyTree(base::ThreadPool& pool)>& build) {
   if (context.link == nullptr) return build(context.pool);
-  ranks::Link& link = *context.link;
+  ranks::Communicator& link = *context.link;
   AssemblyTree tree;
   ranks::by_first_rank(link, context.pool, [&] {
     ranks::FirstRankPool threads(link, context.pool);
     tree = build(threads.get());
   });
   ranks::Packer packer;
-  if (link.rank() == 0) each_part(tree, [&](const auto& part) { packer.put(part); });
+  if (link.rank() == 0) each_part(tree, [&](const auto& part) { packer.pack(part); });
   const std::vector<std::byte> bytes = ranks::from_first_rank(link, packer.bytes());
   if (link.rank() == 0) return tree;
   ranks::Unpacker unpacker(bytes);

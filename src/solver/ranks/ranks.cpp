@@ -1,13 +1,13 @@
 #include "espalier/ranks.hpp"
 
 #include "espalier/nodes.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solver/ranks/on_all_ranks.hpp"
 
 namespace espalier {
 
 Ranks::Ranks(const espalier_rank_functions& functions, double patience)
-    : link_(std::make_shared<ranks::Link>(functions, patience)) {}
+    : link_(std::make_shared<ranks::Communicator>(functions, patience)) {}
 
 int Ranks::rank() const { return link_ ? link_->rank() : 0; }
 int Ranks::size() const { return link_ ? link_->size() : 1; }
@@ -19,7 +19,7 @@ void set_nodes(const Ranks& ranks, Nodes nodes) {
 
 namespace solver {
 
-Status on_all_ranks(ranks::Link& link, const std::function<Status()>& body) {
+Status on_all_ranks(ranks::Communicator& link, const std::function<Status()>& body) {
   Status own;
   std::exception_ptr misuse;
   try {

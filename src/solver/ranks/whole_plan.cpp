@@ -8,7 +8,7 @@
 
 namespace espalier::solver {
 
-analysis::AssemblyTree whole_tree(const plan::Plan& plan, ranks::Link* link) {
+analysis::AssemblyTree whole_tree(const plan::Plan& plan, ranks::Communicator* link) {
   analysis::AssemblyTree tree = plan.tree;
   if (plan.row_begin.empty()) return tree;
   std::vector<Index> mine;

@@ -9,7 +9,7 @@
 #include "base/timeline.hpp"
 #include "device/registry.hpp"
 #include "espalier/solver.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 namespace espalier::solver {
 
@@ -19,7 +19,7 @@ struct Context {
   base::ThreadPool& pool;
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
-  ranks::Link* link = nullptr;  ///< to other ranks; null: there are none
+  ranks::Communicator* link = nullptr;  ///< to other ranks; null: there are none
   /// Of the host, by which plans are made: with ranks the fewest that one of them has, so that all make the same plan.
   const int* planning_threads = nullptr;
   bool raised = false;    ///< FP32 does not do, or does not pay: a factor goes on in FP64

@@ -51,7 +51,7 @@ std::unique_ptr<base::Timeline> timeline_of(const Options& o) {
 
 }  // namespace
 
-int threads_of(const Options& o, const ranks::Link* link) {
+int threads_of(const Options& o, const ranks::Communicator* link) {
   check_options(o);
   // Ranks that may use the same cores share them.
   const int neighbours = link != nullptr ? link->neighbours() : 1;

@@ -19,7 +19,7 @@ namespace espalier::solver {
 
 /// Threads of a session with these options. @throws std::invalid_argument for values that options cannot have
 /// @param link  to other ranks; null: there are none
-int threads_of(const Options& options, const ranks::Link* link = nullptr);
+int threads_of(const Options& options, const ranks::Communicator* link = nullptr);
 
 /// Methods throw Error; Solver turns it into a Status.
 class Session {
@@ -45,16 +45,16 @@ class Session {
   void load_given(const std::string& path, const GivenMatrix& a);
   ChangeResult analyze_change_given(const MatrixView& a);
   /// The same of a part.
-  template <class Part>
-  void analyze_part(const GivenPart<Part>& part) {
+  template <class Local>
+  void analyze_part(const GivenLocal<Local>& part) {
     analyze(gather_part(part));
   }
-  template <class Part>
-  void load_part(const std::string& path, const GivenPart<Part>& part) {
+  template <class Local>
+  void load_part(const std::string& path, const GivenLocal<Local>& part) {
     load_analysis(path, gather_part(part));
   }
   /// Of other ranks; null: there are none.
-  [[nodiscard]] ranks::Link* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
+  [[nodiscard]] ranks::Communicator* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
 
   [[nodiscard]] Solver::State state() const {
     if (!factor) return Solver::State::empty;
@@ -86,8 +86,8 @@ class Session {
   std::optional<RowRange> rows;  ///< of vectors on this rank, where the caller has said so
 
  private:
-  template <class Part>
-  WholeMatrix gather_part(const GivenPart<Part>& part) {
+  template <class Local>
+  WholeMatrix gather_part(const GivenLocal<Local>& part) {
     parts = true;
     rows.reset();
     return gathered.gather(part, link(), pool);

@@ -19,7 +19,7 @@ using solver::check_factorized;
 using solver::check_values;
 using solver::copy_of;
 using solver::factor_by;
-using solver::GivenPart;
+using solver::GivenLocal;
 using solver::guarded;
 using solver::solve_by;
 
@@ -40,11 +40,11 @@ AnalysisResult Solver::analyze(const MatrixView& a) {
 }
 
 AnalysisResult Solver::analyze(const LocalRows& part) {
-  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenPart<LocalRows>(part)); });
+  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenLocal<LocalRows>(part)); });
 }
 
 AnalysisResult Solver::analyze(const LocalEntries& part) {
-  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenPart<LocalEntries>(part)); });
+  return analysis_by(*impl_, [&] { impl_->analyze_part(GivenLocal<LocalEntries>(part)); });
 }
 
 void Solver::set_rows(RowRange rows) { solver::set_rows(*impl_, "Solver::set_rows", rows); }
@@ -171,11 +171,11 @@ AnalysisResult Solver::load_analysis(const std::string& path, const MatrixView& 
 }
 
 AnalysisResult Solver::load_analysis(const std::string& path, const LocalRows& part) {
-  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenPart<LocalRows>(part)); });
+  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenLocal<LocalRows>(part)); });
 }
 
 AnalysisResult Solver::load_analysis(const std::string& path, const LocalEntries& part) {
-  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenPart<LocalEntries>(part)); });
+  return analysis_by(*impl_, [&] { impl_->load_part(path, GivenLocal<LocalEntries>(part)); });
 }
 
 Status Solver::write_trace(const std::string& path) const {

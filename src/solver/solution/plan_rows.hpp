@@ -172,7 +172,7 @@ class PlanRows {
   base::MemoryBudget& budget_;
   std::vector<Index> of_column_, of_row_;  // empty until they are asked for
   double whole_ = 0;                       // entries of the factor
-  Units<T> units_;
+  ColumnScales<T> units_;
 };
 
 }  // namespace espalier::solver

@@ -25,7 +25,7 @@ namespace espalier::solver {
 /// FP32: a right-hand side may be far from 1 where the scaled matrix is not. Each is measured in a power of two, which
 /// changes no digit.
 template <class T>
-class Units {
+class ColumnScales {
   using Value = base::WideOf<T>;
 
  public:
@@ -134,7 +134,7 @@ class PlanVectors {
   const PreparedMatrix& prepared_;
   const RealForm* real_form_;
   base::ThreadPool& pool_;
-  Units<T> units_;
+  ColumnScales<T> units_;
 };
 
 }  // namespace espalier::solver

@@ -183,7 +183,7 @@ class Solving {
 
   Factor& factor_;
   const Options& options_;
-  ranks::Link* link_;  // null: there are no other ranks
+  ranks::Communicator* link_;  // null: there are no other ranks
   Index n_;
   Offset doubles_;  // of a vector
   SolveResult result_;

@@ -48,11 +48,11 @@ TEST(BodyParts, EveryVertexAndColumnIsOwnedOnce) {
   for (const Index piece : {Index{1}, Index{7}, vertices}) {
     SCOPED_TRACE(piece);
     const std::vector<Index> place = in_pieces(vertices, piece, 3);
-    const std::vector<BodyPart> parts = divide_body(crank.tables, place);
+    const std::vector<BodySubdomain> parts = divide_body(crank.tables, place);
     EXPECT_EQ(parts.size(), piece == vertices ? 1U : 3U);
     std::multiset<Index> owned;
     std::multiset<Offset> entries;
-    for (const BodyPart& part : parts) {
+    for (const BodySubdomain& part : parts) {
       EXPECT_TRUE(std::is_sorted(part.vertices.begin(), part.vertices.end()));
       for (const Index c : part.own) {
         owned.insert(part.vertices[at(c)]);
@@ -70,7 +70,7 @@ TEST(BodyParts, EveryVertexAndColumnIsOwnedOnce) {
 TEST(BodyParts, HaveAllElementsAroundTheirVertices) {
   const Crank crank;
   const std::vector<Index> place = in_pieces(crank.tables.vertices(), 11, 4);
-  for (const BodyPart& part : divide_body(crank.tables, place)) {
+  for (const BodySubdomain& part : divide_body(crank.tables, place)) {
     std::vector<Index> expected;
     Index number = 0;
     for (const DeviceElements& group : crank.tables.groups)
@@ -87,7 +87,7 @@ TEST(BodyParts, HaveAllElementsAroundTheirVertices) {
 TEST(BodyParts, TablesAreThoseOfTheBody) {
   const Crank crank;
   const DeviceBodyTables& body = crank.tables;
-  for (const BodyPart& part : divide_body(body, in_pieces(body.vertices(), 5, 2))) {
+  for (const BodySubdomain& part : divide_body(body, in_pieces(body.vertices(), 5, 2))) {
     const DeviceBodyTables own = part.tables();
     for (std::size_t c = 0; c < part.vertices.size(); ++c)
       for (std::size_t i = 0; i < 3; ++i) {
@@ -134,11 +134,11 @@ TEST(BodyParts, TheFirstInvertedElementIsNamedByItsNumberInTheBody) {
   const Index unknowns = crank.mechanism->system.sizes().velocity;
   std::vector<Index> named;
   const auto divided =
-      make_divided_body(crank.tables, test::dealt({0, 1, 2}, unknowns), 0, nullptr, [&](const BodyPart& part) {
+      make_divided_body(crank.tables, test::dealt({0, 1, 2}, unknowns), 0, nullptr, [&](const BodySubdomain& part) {
         const Index number = part.place == 0 ? -1 : 3;
         if (number >= 0) named.push_back(part.elements[at(number)]);
-        return PartOnGpu{std::make_unique<NamingBody>(number), std::make_unique<test::EmulatedCarrier>(part),
-                         part.place == 0};
+        return SubdomainOnGpu{std::make_unique<NamingBody>(number), std::make_unique<test::EmulatedCarrier>(part),
+                              part.place == 0};
       });
   ASSERT_NE(divided, nullptr);
   ASSERT_EQ(named.size(), 2U);
@@ -150,7 +150,7 @@ TEST(BodyParts, TheFirstInvertedElementIsNamedByItsNumberInTheBody) {
 TEST(BodyParts, SmallBodiesAndThoseOfOneGpuStayWhole) {
   const Crank crank;
   const Index unknowns = crank.mechanism->system.sizes().velocity;
-  const auto never = [](const BodyPart&) -> PartOnGpu { throw std::logic_error("divided"); };
+  const auto never = [](const BodySubdomain&) -> SubdomainOnGpu { throw std::logic_error("divided"); };
   const auto divided = [&](const GpuPlaces& places, Index fewest) {
     return make_divided_body(crank.tables, places, fewest, nullptr, never) != nullptr;
   };

@@ -83,7 +83,7 @@ class EmulatedBody final : public DeviceBody {
     std::iota(entries_.begin(), entries_.end(), 0);
     own_ = vertices_;
   }
-  EmulatedBody(AssembledSystem& twin, FlexibleBody& body, const BodyPart& part)
+  EmulatedBody(AssembledSystem& twin, FlexibleBody& body, const BodySubdomain& part)
       : twin_(twin),
         body_(body),
         vertices_(part.vertices),
@@ -141,7 +141,7 @@ class EmulatedBody final : public DeviceBody {
 
   AssembledSystem& twin_;
   FlexibleBody& body_;
-  std::vector<Index> vertices_, own_;  // see BodyPart
+  std::vector<Index> vertices_, own_;  // see BodySubdomain
   std::vector<Offset> ptr_, entries_;  // likewise
   std::vector<Offset> column_start_;
   std::vector<std::int32_t> shift_;
@@ -150,7 +150,7 @@ class EmulatedBody final : public DeviceBody {
 
 class EmulatedCarrier final : public PartCarrier {
  public:
-  explicit EmulatedCarrier(const BodyPart& part)
+  explicit EmulatedCarrier(const BodySubdomain& part)
       : vertices_(part.vertices), own_(part.own), forces_(3 * part.vertices.size()) {}
   BodyState bring(const BodyState& body) override {
     const auto brought = [&](const double* from, std::vector<double>& to) -> const double* {
@@ -319,7 +319,7 @@ class EmulatedMotion final : public DeviceMotion {
   }
   void send(ConstSpan from, double* to) override { std::copy(from.begin(), from.end(), to); }
   void fetch(const double* from, Span to) override { std::copy_n(from, to.size(), to.begin()); }
-  [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
+  [[nodiscard]] ConstSpan gather(List list, std::span<const double* const> from) override {
     looked_.clear();
     for (const double* x : from)
       for (const Index i : of(list)) looked_.push_back(x[i]);
@@ -360,9 +360,9 @@ class EmulatedAssembly final : public DeviceAssembly {
   }
   std::unique_ptr<DeviceBody> make_body(const DeviceBodyTables& tables) override {
     FlexibleBody& body = *bodies_.at(next_++);
-    auto divided = make_divided_body(tables, places_, fewest_, nullptr, [&](const BodyPart& part) {
-      return PartOnGpu{std::make_unique<EmulatedBody>(twin_, body, part), std::make_unique<EmulatedCarrier>(part),
-                       part.place == 0};
+    auto divided = make_divided_body(tables, places_, fewest_, nullptr, [&](const BodySubdomain& part) {
+      return SubdomainOnGpu{std::make_unique<EmulatedBody>(twin_, body, part), std::make_unique<EmulatedCarrier>(part),
+                            part.place == 0};
     });
     if (divided != nullptr) return divided;
     return std::make_unique<EmulatedBody>(twin_, body);

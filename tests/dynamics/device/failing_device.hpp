@@ -43,9 +43,9 @@ class FailingMotion final : public DeviceMotion {
     CallsLeft::take(left_.all);
     motion_->fetch(from, to);
   }
-  [[nodiscard]] ConstSpan look(List list, std::span<const double* const> from) override {
+  [[nodiscard]] ConstSpan gather(List list, std::span<const double* const> from) override {
     CallsLeft::take(left_.all);
-    return motion_->look(list, from);
+    return motion_->gather(list, from);
   }
   void set(List list, ConstSpan values, double* to) override {
     CallsLeft::take(left_.all);

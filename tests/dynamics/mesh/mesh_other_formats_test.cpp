@@ -36,27 +36,27 @@ TEST_F(MeshOther, Gmsh40InTextAndBytes) {
   EXPECT_NEAR(mesh_volume(mesh), 1, 1e-15);
   EXPECT_EQ(mesh.element_set("all").size(), 1U);
   std::string binary = "$MeshFormat\n4 1 8\n";
-  const auto put = [&](auto value) {
+  const auto append = [&](auto value) {
     char bytes[sizeof(value)];
     std::memcpy(bytes, &value, sizeof(value));
     binary.append(bytes, sizeof(value));
   };
-  put(std::int32_t{1});
+  append(std::int32_t{1});
   binary += "\n$EndMeshFormat\n$Nodes\n";
-  put(std::uint64_t{1});
-  put(std::uint64_t{8});
-  for (const std::int32_t i : {1, 3, 0}) put(i);
-  put(std::uint64_t{8});
+  append(std::uint64_t{1});
+  append(std::uint64_t{8});
+  for (const std::int32_t i : {1, 3, 0}) append(i);
+  append(std::uint64_t{8});
   for (std::size_t n = 0; n < 8; ++n) {
-    put(static_cast<std::int32_t>(n + 1));
-    for (const double x : mesh.nodes[n]) put(x);
+    append(static_cast<std::int32_t>(n + 1));
+    for (const double x : mesh.nodes[n]) append(x);
   }
   binary += "\n$EndNodes\n$Elements\n";
-  put(std::uint64_t{1});
-  put(std::uint64_t{1});
-  for (const std::int32_t i : {1, 3, 5}) put(i);
-  put(std::uint64_t{1});
-  for (const std::int32_t i : {9, 1, 2, 3, 4, 5, 6, 7, 8}) put(i);
+  append(std::uint64_t{1});
+  append(std::uint64_t{1});
+  for (const std::int32_t i : {1, 3, 5}) append(i);
+  append(std::uint64_t{1});
+  for (const std::int32_t i : {9, 1, 2, 3, 4, 5, 6, 7, 8}) append(i);
   binary += "\n$EndElements\n";
   const Mesh bytes = read_mesh(write("b.msh", binary));
   EXPECT_NEAR(mesh_volume(bytes), 1, 1e-15);
@@ -243,7 +243,7 @@ class VtuText {
 
  private:
   template <class T>
-  void put(std::string& to, T value) const {
+  void append(std::string& to, T value) const {
     char bytes[sizeof(T)];
     std::memcpy(bytes, &value, sizeof(T));
     if (form_.big) std::reverse(bytes, bytes + sizeof(T));
@@ -251,14 +251,14 @@ class VtuText {
   }
   void put_header(std::string& to, std::size_t value) const {
     if (form_.wide)
-      put(to, static_cast<std::uint64_t>(value));
+      append(to, static_cast<std::uint64_t>(value));
     else
-      put(to, static_cast<std::uint32_t>(value));
+      append(to, static_cast<std::uint32_t>(value));
   }
   template <class T>
   std::string array(const char* type, const char* name, const std::vector<T>& values, int components) {
     std::string bytes, header, data;
-    for (const T v : values) put(bytes, v);
+    for (const T v : values) append(bytes, v);
     if (form_.packed) {  // in blocks of 16 bytes
       const std::size_t blocks = (bytes.size() + 15) / 16;
       put_header(header, blocks);

@@ -18,9 +18,9 @@ const char* const kNodes2 = "$Nodes\n5\n10 0 0 0\n20 1 0 0\n30 0 1 0\n40 0 0 1\n
 
 std::string gmsh2(bool binary) {
   std::string s = fmt::format("$MeshFormat\n2.2 {} 8\n", binary ? 1 : 0);
-  const auto put = [&](auto value) { s.append(reinterpret_cast<const char*>(&value), sizeof value); };
+  const auto append = [&](auto value) { s.append(reinterpret_cast<const char*>(&value), sizeof value); };
   if (binary) {
-    put(std::int32_t{1});
+    append(std::int32_t{1});
     s += "\n";
   }
   s += "$EndMeshFormat\n$PhysicalNames\n3\n3 1 \"part one\"\n2 2 \"base\"\n0 3 \"tip\"\n$EndPhysicalNames\n";
@@ -31,13 +31,13 @@ std::string gmsh2(bool binary) {
   s += "$Nodes\n5\n";
   const double xyz[5][3] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 1}};
   for (int n = 0; n < 5; ++n) {
-    put(std::int32_t{10 * (n + 1)});
-    for (const double x : xyz[n]) put(x);
+    append(std::int32_t{10 * (n + 1)});
+    for (const double x : xyz[n]) append(x);
   }
   s += "\n$EndNodes\n$Elements\n4\n";
-  for (const int v : {15, 1, 2, 1, 3, 1, 40}) put(std::int32_t{v});
-  for (const int v : {2, 1, 2, 2, 2, 1, 10, 30, 20}) put(std::int32_t{v});
-  for (const int v : {4, 2, 2, 3, 1, 1, 10, 20, 30, 40, 4, 1, 1, 20, 50, 30, 40}) put(std::int32_t{v});
+  for (const int v : {15, 1, 2, 1, 3, 1, 40}) append(std::int32_t{v});
+  for (const int v : {2, 1, 2, 2, 2, 1, 10, 30, 20}) append(std::int32_t{v});
+  for (const int v : {4, 2, 2, 3, 1, 1, 10, 20, 30, 40, 4, 1, 1, 20, 50, 30, 40}) append(std::int32_t{v});
   return s + "\n$EndElements\n";
 }
 

@@ -300,13 +300,13 @@ class ErosionOf : public testing::TestWithParam<Kind> {
 TEST_P(ErosionOf, KeepsMomentaAndDerivatives) {
   model::Erosion& erosion = *mechanism_->erosion;
   Equations equations(mechanism_->system, {}, mechanism_->step_pool);
-  ASSERT_TRUE(erosion.look(state_));
+  ASSERT_TRUE(erosion.find_failing(state_));
   const MassProperties before = body_->mass_properties(state_.q, state_.v);
   const Energy energy = mechanism_->system.energy(state_.view());
   const Offset entries = mechanism_->system.tangent_pattern().nonzeros();
   const std::uint64_t version = mechanism_->system.pattern_version();
   erosion.fail(equations, state_);
-  EXPECT_FALSE(erosion.look(state_));
+  EXPECT_FALSE(erosion.find_failing(state_));
   const auto elements = static_cast<double>(body_->assembly().elements());
   EXPECT_EQ(*erosion.failed_elements("b"), 0.5 * elements);
   const MassProperties after = body_->mass_properties(state_.q, state_.v);
@@ -339,7 +339,7 @@ TEST_P(ErosionOf, KeepsMomentaAndDerivatives) {
 // Nodes that have none but failed elements fall freely.
 TEST_P(ErosionOf, FreeNodesFall) {
   Equations equations(mechanism_->system, {}, mechanism_->step_pool);
-  ASSERT_TRUE(mechanism_->erosion->look(state_));
+  ASSERT_TRUE(mechanism_->erosion->find_failing(state_));
   mechanism_->erosion->fail(equations, state_);
   make_consistent(equations, state_);
   Index free = 0;
@@ -358,7 +358,7 @@ TEST_P(ErosionOf, FreeNodesFall) {
 // What was saved comes back in another mechanism, with the same bits of forces and tangents.
 TEST_P(ErosionOf, SavedOnesComeBack) {
   Equations equations(mechanism_->system, {}, mechanism_->step_pool);
-  ASSERT_TRUE(mechanism_->erosion->look(state_));
+  ASSERT_TRUE(mechanism_->erosion->find_failing(state_));
   const std::string mesh = GetParam().mesh;
   std::vector<double> none, saved;
   mechanism_->erosion->save(none);
@@ -418,7 +418,7 @@ TEST_P(ErosionOf, SeenFacesEncloseWhatIsLeft) {
   const double whole = 4 * 2.2 * 1.8;
   EXPECT_NEAR(volume(0), whole, 1e-12 * whole);
   Equations equations(mechanism_->system, {}, mechanism_->step_pool);
-  ASSERT_TRUE(mechanism_->erosion->look(state_));
+  ASSERT_TRUE(mechanism_->erosion->find_failing(state_));
   mechanism_->erosion->fail(equations, state_);
   EXPECT_NEAR(volume(0.99 * state_.t), whole, 1e-12 * whole);
   EXPECT_NEAR(volume(state_.t), 0.5 * whole, 1e-12 * whole);

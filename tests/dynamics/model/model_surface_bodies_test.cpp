@@ -47,17 +47,17 @@ std::string text_stl(const std::vector<StlTriangle>& triangles) {
 
 std::string binary_stl(const std::vector<StlTriangle>& triangles) {
   std::string bytes(80, ' ');
-  const auto put = [&](auto value) {
+  const auto append = [&](auto value) {
     char raw[sizeof(value)];
     std::memcpy(raw, &value, sizeof(value));
     bytes.append(raw, sizeof(value));
   };
-  put(static_cast<std::uint32_t>(triangles.size()));
+  append(static_cast<std::uint32_t>(triangles.size()));
   for (const StlTriangle& t : triangles) {
-    for (int k = 0; k < 3; ++k) put(0.0F);
+    for (int k = 0; k < 3; ++k) append(0.0F);
     for (const Vec3& p : t)
-      for (int k = 0; k < 3; ++k) put(static_cast<float>(p[k]));
-    put(std::uint16_t{0});
+      for (int k = 0; k < 3; ++k) append(static_cast<float>(p[k]));
+    append(std::uint16_t{0});
   }
   return bytes;
 }

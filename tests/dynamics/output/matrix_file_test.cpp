@@ -64,13 +64,13 @@ TEST(MatrixFile, EveryOutput4GivesTheSameNumbers) {
 // Integers of 8 bytes: every word is one.
 TEST(MatrixFile, LongIntegersOfBinaryFiles) {
   std::string content;
-  const auto put = [&](auto value) { content.append(reinterpret_cast<const char*>(&value), sizeof(value)); };
+  const auto append = [&](auto value) { content.append(reinterpret_cast<const char*>(&value), sizeof(value)); };
   const auto record = [&](const std::vector<std::int64_t>& integers, const std::string& tail) {
     const auto length = static_cast<std::int32_t>(8 * integers.size() + tail.size());
-    put(length);
-    for (const std::int64_t k : integers) put(k);
+    append(length);
+    for (const std::int64_t k : integers) append(k);
     content += tail;
-    put(length);
+    append(length);
   };
   const double values[2] = {1.5, -2.5};
   std::string raw(sizeof(values), ' ');

@@ -85,7 +85,7 @@ TEST_F(RestartFiles, OtherLayoutsAreRefusedByTheirNumber) {
 TEST_F(RestartFiles, NumbersThatNoRunWrites) {
   std::uint64_t numbers = 0;
   std::memcpy(&numbers, content_.data() + 32, 8);
-  const auto put = [&](std::size_t index, double value) {
+  const auto set_number = [&](std::size_t index, double value) {
     std::string crafted = content_;
     std::memcpy(crafted.data() + content_.size() - 8 * (numbers - index), &value, 8);
     const std::uint64_t sum = base::checksum(crafted.data() + 24, crafted.size() - 24);
@@ -95,13 +95,13 @@ TEST_F(RestartFiles, NumbersThatNoRunWrites) {
   constexpr std::size_t kState = 17, kStateEnd = kState + 1 + 7 + 6 + 6 + 5;  // behind the counts: t, q, v, a, lambda
   ASSERT_GT(numbers, kStateEnd);
   for (std::size_t k = 0; k < numbers; ++k) {
-    put(k, std::numeric_limits<double>::quiet_NaN());
+    set_number(k, std::numeric_limits<double>::quiet_NaN());
     const Status status = load(kPendulum).first;
     if (k >= kState && k < kStateEnd) {
       EXPECT_EQ(status.code, StatusCode::invalid_input) << k;
     }
     for (const double value : {1e300, -1e300, 0.5, -1.0}) {
-      put(k, value);
+      set_number(k, value);
       static_cast<void>(load(kPendulum));
     }
   }

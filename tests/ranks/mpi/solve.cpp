@@ -23,7 +23,7 @@
 #include <vector>
 
 #include "matrix/generators/generate.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 namespace {
 
@@ -222,7 +222,7 @@ void time_of(const espalier::Ranks& ranks, const std::vector<std::string>& words
 }
 
 // What the link carries, with memory that was used before as that of an exchange between machines is.
-void rate_of(espalier::ranks::Link& link, std::size_t bytes) {
+void rate_of(espalier::ranks::Communicator& link, std::size_t bytes) {
   constexpr std::size_t kAll = std::size_t{1} << 30, kInWork = std::size_t{16} << 20;
   const int messages_in_all = static_cast<int>(kAll / bytes), at_once = std::max(2, static_cast<int>(kInWork / bytes));
   constexpr int kRounds = 2;                                 // the first shows what is slow at the beginning

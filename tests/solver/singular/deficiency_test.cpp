@@ -35,18 +35,18 @@ void expect_null_vectors(const SparseMatrix& a, const FactorResult& f) {
   EXPECT_EQ(static_cast<Index>(f.dependent_rows.size()), zeros);
   EXPECT_TRUE(std::is_sorted(f.dependent_rows.begin(), f.dependent_rows.end()));
   const std::vector<double> zero(n, 0.0);
-  const auto look = [&](const std::vector<double>& all, bool transpose) {
+  const auto check_vectors = [&](const std::vector<double>& all, bool transpose) {
     for (std::size_t at = 0; at < all.size(); at += n) {
       const std::vector<double> v(all.begin() + static_cast<std::ptrdiff_t>(at),
                                   all.begin() + static_cast<std::ptrdiff_t>(at + n));
       EXPECT_LE(reference::backward_error(a, zero, v, 1, transpose), 16 * kEps) << (transpose ? "left" : "right");
     }
   };
-  look(f.null_vectors, false);
+  check_vectors(f.null_vectors, false);
   if (a.storage == Storage::general) {
     EXPECT_EQ(f.left_null_vectors.size(), f.null_vectors.size());
   }
-  look(f.left_null_vectors, true);
+  check_vectors(f.left_null_vectors, true);
 }
 
 TEST(Deficiency, OfRandomStructuresInManyDisguises) {

@@ -243,7 +243,7 @@ void open_devices(const std::vector<int>& devices) noexcept {
     if (cudaSetDevice(device) == cudaSuccess && cudaFree(nullptr) == cudaSuccess) {
       for (const int other : devices)
         if (other != device) (void)cudaDeviceEnablePeerAccess(other, 0);
-      SolveShape shape;
+      SolveLaunches shape;
       (void)SolveKernel<double>::resident(shape);                 // loads these kernels
       if (device == devices.front()) PinnedBlock::keep_ready(2);  // for the tables of the first factorization
     }

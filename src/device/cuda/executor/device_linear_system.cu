@@ -13,7 +13,7 @@
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
-#include "device/cuda/runtime/host_link.hpp"
+#include "device/cuda/runtime/host_transfer.hpp"
 
 namespace espalier::device::cuda {
 
@@ -459,7 +459,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   mutable PartResiduals parts_;
   mutable VectorEntries entries_;
   PinnedArray<int> aborted_;
-  HostLink link_;
+  HostTransfer link_;
   std::unique_ptr<double, Unpin> pinned_values_;
   mutable std::vector<DeviceArray<double>> slots_;
   DeviceArray<double> right_hand_sides_, solutions_;

@@ -225,7 +225,7 @@ class DeviceSide {
   DeviceArray<std::int32_t> stealable_end_;
   DeviceArray<TaskTime> trace_;
   DeviceArray<Front> fronts_;
-  DeviceArray<Link> links_;
+  DeviceArray<ChildRows> links_;
   DeviceArray<std::int32_t> bounds_, waits_, relative_, rows_;
   DeviceArray<FactorTask> tasks_;
   DeviceArray<SolveTask> up_, down_, inverses_;
@@ -243,7 +243,7 @@ class DeviceSide {
   DeviceArray<std::int64_t> entry_ptr_;
   DeviceArray<std::uint64_t> entries_;
   DeviceArray<std::uint32_t> chunks_;  // of values that are copied from the first side
-  struct Part {
+  struct PartialRun {
     std::vector<char> made;  // fronts, as chosen last; empty: none are
     DeviceArray<char> marks;
     DeviceArray<FactorTask> tasks;
@@ -251,8 +251,8 @@ class DeviceSide {
     std::int64_t narrow_end = 0, end = 0;
     int inverse_count = 0;
   } part_;
-  LaunchShape shape_[2];
-  SolveShape solve_shape_;
+  LaunchConfiguration shape_[2];
+  SolveLaunches solve_shape_;
   FactorState<T> state_{};
 };
 

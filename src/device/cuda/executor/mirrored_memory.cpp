@@ -62,8 +62,8 @@ void CopyStreams::finish() noexcept {
 }
 
 template <class T>
-MirroredMemory<T>::MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
-                                  const DevicePlan& tables, int device, DeviceBudget& budget)
+MirroredMemory<T>::MirroredMemory(ranks::Communicator& link, const ranks::Machines& machines, const plan::Plan& plan,
+                                  Kind kind, const DevicePlan& tables, int device, DeviceBudget& budget)
     : rank_(link.rank()),
       n_(plan.tree.n),
       queues_(TileExchange<T>::kSlots),

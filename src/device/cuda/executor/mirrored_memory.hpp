@@ -38,7 +38,7 @@ class MirroredMemory {
  public:
   /// @param tables  made as mirrored; outlives this object, as do link and plan
   /// @throws Error(out_of_memory)
-  MirroredMemory(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+  MirroredMemory(ranks::Communicator& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
                  const DevicePlan& tables, int device, DeviceBudget& budget);
 
   /// Collective: what comes from other machines is brought into place by any rank of this one. Before connect().

@@ -7,7 +7,7 @@ namespace espalier::device::cuda {
 
 Offset values_of(const plan::Plan& plan, base::ThreadPool* pool) {
   std::atomic<Offset> values{0};
-  const auto look = [&](std::int64_t begin, std::int64_t end) {
+  const auto scan = [&](std::int64_t begin, std::int64_t end) {
     Offset most = 0;
     for (auto k = begin; k < end; ++k) most = std::max(most, plan.entries[static_cast<std::size_t>(k)].source() + 1);
     Offset known = values.load();
@@ -17,9 +17,9 @@ Offset values_of(const plan::Plan& plan, base::ThreadPool* pool) {
   constexpr std::int64_t kEntries = 1 << 18;  // per range of work
   const auto count = static_cast<std::int64_t>(plan.entries.size());
   if (pool != nullptr)
-    pool->for_each_range(count, kEntries, look);
+    pool->for_each_range(count, kEntries, scan);
   else
-    look(0, count);
+    scan(0, count);
   return values;
 }
 

@@ -485,7 +485,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
 
   const plan::Plan& plan_;
   Kind kind_;
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   int device_;
   ranks::Machines machines_;  // of this executor's beginning
   std::optional<DevicePlan> tables_;

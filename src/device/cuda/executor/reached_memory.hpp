@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "device/cuda/executor/device_side.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "ranks/machines.hpp"
 
 namespace espalier::device::cuda {
@@ -21,7 +21,7 @@ namespace espalier::device::cuda {
 class OpenedArrays {
  public:
   /// @param device  of this rank
-  OpenedArrays(ranks::Link& link, const ranks::Machines& machines, int device)
+  OpenedArrays(ranks::Communicator& link, const ranks::Machines& machines, int device)
       : link_(link), machines_(machines), device_(device) {}
   OpenedArrays(const OpenedArrays&) = delete;
   OpenedArrays& operator=(const OpenedArrays&) = delete;
@@ -47,7 +47,7 @@ class OpenedArrays {
   [[nodiscard]] Array record_of(void* array) const;
   [[nodiscard]] void* open_from(const Array& theirs, int rank);
 
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   ranks::Machines machines_;
   int device_;
   std::vector<std::vector<void*>> arrays_;
@@ -58,7 +58,8 @@ class OpenedArrays {
 template <class T>
 class ReachedMemory {
  public:
-  ReachedMemory(ranks::Link& link, const ranks::Machines& machines, int device) : opened_(link, machines, device) {}
+  ReachedMemory(ranks::Communicator& link, const ranks::Machines& machines, int device)
+      : opened_(link, machines, device) {}
 
   /// See OpenedArrays.
   void open(const SideAddresses<T>& mine);

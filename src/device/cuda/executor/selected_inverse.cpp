@@ -209,12 +209,12 @@ class DeviceInverse {
     });
     wait();
     constexpr std::int64_t kGrain = 64;
-    const auto put = [&](std::int64_t begin, std::int64_t end) {
+    const auto store_range = [&](std::int64_t begin, std::int64_t end) {
       for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
         for (Offset q = read_[k]; q < read_[k + 1]; ++q)
           entries_.value[static_cast<std::size_t>(place_of(k, q).number)] = entry[static_cast<std::size_t>(q)];
     };
-    pool_.for_each_range(static_cast<std::int64_t>(tables_.spots.size()), kGrain, put);
+    pool_.for_each_range(static_cast<std::int64_t>(tables_.spots.size()), kGrain, store_range);
   }
 
   const DeviceInverseJob<T>& job_;

@@ -83,7 +83,7 @@ __device__ inline void for_each_overlap(const FactorState<T>& s, const Front& f,
     Overlap mine{};
     Source<T> source{};
     if (base + lane < f.link_end) {
-      const Link link = s.links[base + lane];
+      const ChildRows link = s.links[base + lane];
       const std::int32_t* b = s.bounds + link.bound;
       mine.child = link.child;
       mine.c0 = b[x.tile_col];

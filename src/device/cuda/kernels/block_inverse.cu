@@ -64,7 +64,7 @@ struct Fragments {
       for (int k = 0; k < inner; k += 16) multiply_shared(c, a + k * kLd + row, 1, kLd, b + col * kLd + k, 1, kLd);
     });
   }
-  __device__ void put(T sign, T* to) {
+  __device__ void store(T sign, T* to) {
     for_each([&](const T(&c)[4], int row, int col) { put_shared(c, sign, false, to + col * kLd + row, 1, kLd); });
   }
 };
@@ -81,13 +81,13 @@ __device__ void join(const Front& f, T* factor, int col, int size, int next, T* 
   Fragments<T> z(next, size);
   z.multiply(two, one, size);
   __syncthreads();
-  z.put(T(1), one);                                  // L21 M1
+  z.store(T(1), one);                                // L21 M1
   read_block(f, factor, row, next, row, next, two);  // M2
   __syncthreads();
   Fragments<T> p(next, size);
   p.multiply(two, one, next);
   __syncthreads();
-  p.put(T(-1), two);
+  p.store(T(-1), two);
   __syncthreads();
   for (int c = 0; c < size; c += f.width)
     write_panels(two + c * kLd, 1, kLd, next, f.width, factor + f.chunk_offset((col + c) / kChunk, row),

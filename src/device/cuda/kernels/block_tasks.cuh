@@ -66,7 +66,7 @@ __device__ void multiply_by_inverse(Accumulator<T, S>& acc, Workshop<T>& w, cons
   w.pipe.wait(0);
 #endif
   __syncthreads();
-  Products<T, Parts::tf32, S> products(acc, {1, 1});  // an inverse may be large
+  Products<T, SplitFormat::tf32, S> products(acc, {1, 1});  // an inverse may be large
   if (at.row < rows && at.col < cols)
     for (int q = 0; q < cols / kChunk; ++q) products.add(x + q * S::kRows * kChunk, m + q * cols * kChunk, at);
   products.finish();

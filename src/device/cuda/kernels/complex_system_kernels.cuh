@@ -45,15 +45,15 @@ __global__ void __launch_bounds__(kSystemThreads)
       const double re = v.x * c * r, im = v.y * c * r;
       if (copy != nullptr) copy[q] = v;
       const bool diagonal = row == col;
-      const auto put = [&](Offset at, double x) {
+      const auto store = [&](Offset at, double x) {
         if (at < job.factored) job.scaled[at] = static_cast<T>(x);
       };
       const Offset first = system.real_columns[2 * col] + 2 * (q - begin);
       const Offset second = system.real_columns[2 * col + 1] + 2 * (q - begin) - (short_second && q > begin ? 1 : 0);
-      put(first, re);
-      if (!diagonal || system.lower) put(first + 1, sign * im);
-      if (!diagonal || system.upper) put(second, -im);
-      put(second + (diagonal && !system.upper ? 0 : 1), sign * re);
+      store(first, re);
+      if (!diagonal || system.lower) store(first + 1, sign * im);
+      if (!diagonal || system.upper) store(second, -im);
+      store(second + (diagonal && !system.upper ? 0 : 1), sign * re);
       most = larger(
           most, larger(fabs(static_cast<double>(static_cast<T>(re))), fabs(static_cast<double>(static_cast<T>(im)))));
       if (system.hermitian && diagonal && v.y != 0) most = infinity();

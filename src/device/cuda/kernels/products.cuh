@@ -17,7 +17,7 @@ __device__ __forceinline__ void sum_products(Accumulator<T, S>& acc, const Chunk
   if constexpr (S::kWarpgroup) {
     sum_by_warpgroup<S>(acc, sum, loader, pipe, scales);
   } else {
-    Products<T, Parts::half, S> products(acc, scales);
+    Products<T, SplitFormat::half, S> products(acc, scales);
     const bool active = at.row < sum.a.rows && at.col < sum.b.rows;
     for (int q = 0, stage = 0; q < sum.chunks; ++q) {
       if (threadIdx.x < 32) loader.issue(q, q);
@@ -31,7 +31,7 @@ __device__ __forceinline__ void sum_products(Accumulator<T, S>& acc, const Chunk
     products.finish();
   }
 #else
-  Products<T, Parts::half, S> products(acc, scales);
+  Products<T, SplitFormat::half, S> products(acc, scales);
   const bool active = at.row < sum.a.rows && at.col < sum.b.rows;
   constexpr int kPerTile = S::kWidth / kChunk;
   for (int q = 0; q < sum.chunks; ++q) {

@@ -27,7 +27,7 @@ __device__ inline Pipeline<T> open_pipeline(unsigned char* area, std::uint64_t* 
 template <class T, class S>
 __device__ __forceinline__ void add_product(Accumulator<T, S>& acc, const InverseProduct<T>& p, Pipeline<T>& pipe) {
   const Corner<S> at;
-  Products<T, Parts::tf32, S> products(acc, {1, 1});
+  Products<T, SplitFormat::tf32, S> products(acc, {1, 1});
   const bool active = at.row < p.rows && at.col < p.cols;
 #if ESPALIER_BULK_COPIES
   const unsigned bytes_a = p.rows * kChunk * sizeof(T), bytes_b = p.cols * kChunk * sizeof(T);

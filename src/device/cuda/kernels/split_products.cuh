@@ -14,7 +14,7 @@
 namespace espalier::device::cuda {
 
 /// What the parts are. Both hold 11 bits of significand.
-enum class Parts {
+enum class SplitFormat {
   half,  ///< FP16: twice the rate, for operands whose size is bounded: see HalfScales
   tf32,  ///< the range of FP32
 };
@@ -58,10 +58,10 @@ __device__ inline HalfScales operand_scales(double, double, int) {
 }
 
 /// What one operand's 16 columns of 8 rows come to: two elements in a register of each part (half), or one (tf32).
-template <Parts P>
+template <SplitFormat P>
 struct SplitPanel;
 template <>
-struct SplitPanel<Parts::half> {
+struct SplitPanel<SplitFormat::half> {
   static constexpr int kRegisters = 2;
   unsigned high[kRegisters], low[kRegisters];
 
@@ -75,7 +75,7 @@ struct SplitPanel<Parts::half> {
   }
 };
 template <>
-struct SplitPanel<Parts::tf32> {
+struct SplitPanel<SplitFormat::tf32> {
   static constexpr int kRegisters = 4;
   unsigned high[kRegisters], low[kRegisters];
 
@@ -93,7 +93,7 @@ struct SplitPanel<Parts::tf32> {
 };
 
 /// Columns t, t + 4, t + 8, t + 12 of the row that this lane reads of a panel in shared memory; times `scale` (half).
-template <Parts P>
+template <SplitFormat P>
 __device__ inline SplitPanel<P> split_panel(const float* panel, int lane, float scale) {
   SplitPanel<P> s;
   s.take(0, load_pair(panel + lane * 2), scale);
@@ -102,9 +102,9 @@ __device__ inline SplitPanel<P> split_panel(const float* panel, int lane, float 
 }
 
 /// sum (16 x 8) += A B, registers r and r + 1 of one part each: of A the panels of rows 0 to 7 and 8 to 15.
-template <Parts P>
+template <SplitFormat P>
 __device__ inline void multiply_parts(float (&sum)[4], const unsigned* top, const unsigned* bottom, const unsigned* b) {
-  if constexpr (P == Parts::half)
+  if constexpr (P == SplitFormat::half)
     asm("mma.sync.aligned.m16n8k16.row.col.f32.f16.f16.f32 {%0,%1,%2,%3},{%4,%5,%6,%7},{%8,%9},{%0,%1,%2,%3};"
         : "+f"(sum[0]), "+f"(sum[1]), "+f"(sum[2]), "+f"(sum[3])
         : "r"(top[0]), "r"(bottom[0]), "r"(top[1]), "r"(bottom[1]), "r"(b[0]), "r"(b[1]));
@@ -116,7 +116,7 @@ __device__ inline void multiply_parts(float (&sum)[4], const unsigned* top, cons
 
 /// sums += A B^T for one chunk of 16 columns, as multiply_chunk(); times both scales (half). Products that go to the
 /// same accumulator stand apart, because the next one has to wait for the last.
-template <Parts P, class S>
+template <SplitFormat P, class S>
 __device__ inline void multiply_split_chunk(Accumulator<float, S>& sums, const float* a, const float* b,
                                             const Corner<S>& at, HalfScales scales) {
   SplitPanel<P> right[S::kN];
@@ -140,9 +140,9 @@ __device__ inline void multiply_split_chunk(Accumulator<float, S>& sums, const f
 }
 
 /// acc += sums, back from their scales.
-template <Parts P, int N>
+template <SplitFormat P, int N>
 __device__ inline void take_sums(float (&acc)[N][4], const float (&sums)[N][4], HalfScales scales) {
-  const float back = P == Parts::half ? 1 / (scales.a * scales.b) : 1.0f;
+  const float back = P == SplitFormat::half ? 1 / (scales.a * scales.b) : 1.0f;
 #pragma unroll
   for (int n = 0; n < N; ++n)
 #pragma unroll
@@ -152,9 +152,9 @@ __device__ inline void take_sums(float (&acc)[N][4], const float (&sums)[N][4], 
 inline constexpr int kChunksPerSum = 2;  ///< of a partial sum
 
 /// Adds products of chunks to an accumulator: add() for each, finish() at the end.
-template <class T, Parts P, class S>
+template <class T, SplitFormat P, class S>
 class Products;
-template <Parts P, class S>
+template <SplitFormat P, class S>
 class Products<double, P, S> {
  public:
   __device__ explicit Products(Accumulator<double, S>& acc, HalfScales) : acc_(acc) {}
@@ -164,7 +164,7 @@ class Products<double, P, S> {
  private:
   Accumulator<double, S>& acc_;
 };
-template <Parts P, class S>
+template <SplitFormat P, class S>
 class Products<float, P, S> {
  public:
   __device__ explicit Products(Accumulator<float, S>& acc, HalfScales scales) : acc_(acc), scales_(scales) {}

@@ -33,7 +33,7 @@ __device__ __forceinline__ void split_rows(const float* from, float* chunk, int 
   for (int q = 0; q < Chunks; ++q)
 #pragma unroll
     for (int k = 0; k < kPanels; ++k) {
-      SplitPanel<Parts::half> parts;
+      SplitPanel<SplitFormat::half> parts;
       parts.take(0, {x[q][k].x, x[q][k].y}, scale);
       parts.take(1, {x[q][k].z, x[q][k].w}, scale);
       auto* to = reinterpret_cast<uint2*>(chunk + q * stride + (warp * kPanels + k) * 128) + lane;
@@ -118,8 +118,8 @@ struct SplitRows {
 #pragma unroll
     for (int m = 0; m < kRowsAtATime<S>; ++m) {
       const float* panel = a + (at.row + S::kRowStep * (first + m)) * kChunk;
-      const auto top = split_panel<Parts::half>(panel, at.lane, scale);
-      const auto bottom = split_panel<Parts::half>(panel + 128, at.lane, scale);
+      const auto top = split_panel<SplitFormat::half>(panel, at.lane, scale);
+      const auto bottom = split_panel<SplitFormat::half>(panel + 128, at.lane, scale);
       high[m] = {{top.high[0], top.high[1]}, {bottom.high[0], bottom.high[1]}};
       low[m] = {{top.low[0], top.low[1]}, {bottom.low[0], bottom.low[1]}};
     }
@@ -182,7 +182,7 @@ __device__ __forceinline__ void sum_by_warpgroup(Accumulator<float, S>& acc, con
       if (m + kRows < S::kM) head = SplitRows<S>(stages, m + kRows, at, scales.a);
       wait_for_products(sums);
 #pragma unroll
-      for (int x = 0; x < kRows; ++x) take_sums<Parts::half>(acc[m + x], sums[x], scales);
+      for (int x = 0; x < kRows; ++x) take_sums<SplitFormat::half>(acc[m + x], sums[x], scales);
     }
     __syncthreads();
     round = round + 1 == rounds ? 0 : round + 1;

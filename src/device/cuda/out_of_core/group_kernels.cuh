@@ -13,7 +13,7 @@ namespace espalier::device::cuda {
 
 /// Entries of A, or columns [begin, end) below (not tile columns) of the child of link `link`.
 template <class T>
-struct AddedPart {
+struct AddedColumns {
   int link = -1;  ///< -1: entries of A
   int begin = 0, end = 0;
   const T* lower = nullptr;  ///< where the child's contribution array would begin
@@ -33,7 +33,7 @@ struct SlabColumns {
 template <class T, Kind K>
 struct GroupKernels {
   static cudaError_t prepare();
-  static cudaError_t add(const FactorState<T>& state, int first, int end, const AddedPart<T>& part,
+  static cudaError_t add(const FactorState<T>& state, int first, int end, const AddedColumns<T>& part,
                          cudaStream_t stream);
   static cudaError_t update(const FactorState<T>& state, int width, int first, int end, const SlabColumns<T>& slab,
                             cudaStream_t stream);

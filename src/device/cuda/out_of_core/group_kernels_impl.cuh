@@ -34,7 +34,7 @@ __device__ inline void add_columns(const FactorState<T>& s, const Front& f, cons
 
 template <class T, Kind K>
 __global__ void __launch_bounds__(kThreads)
-    group_add(const __grid_constant__ FactorState<T> s, int first, const __grid_constant__ AddedPart<T> part) {
+    group_add(const __grid_constant__ FactorState<T> s, int first, const __grid_constant__ AddedColumns<T> part) {
   extern __shared__ __align__(128) unsigned char area[];
   __shared__ Front f;
   const FactorTask task = begin_task(s, first, f);
@@ -44,7 +44,7 @@ __global__ void __launch_bounds__(kThreads)
   if (part.link < 0) {
     if (task.column >= f.pivot_tiles) return;
   } else {
-    const Link link = s.links[part.link];
+    const ChildRows link = s.links[part.link];
     const std::int32_t* b = s.bounds + link.bound;
     overlap.child = link.child;
     overlap.c0 = max(b[x.tile_col], part.begin);
@@ -88,7 +88,7 @@ __device__ void slab_products(Accumulator<T, S>& acc, const Front& f, const Slab
                               const Operand<T>& b, int chunks, Pipeline<T>& pipe, HalfScales scales) {
   const Corner<S> at;
   const bool active = at.row < a.rows && at.col < b.rows;
-  Products<T, Parts::half, S> products(acc, scales);
+  Products<T, SplitFormat::half, S> products(acc, scales);
 #if ESPALIER_BULK_COPIES
   const auto issue = [&](int q) {
     const int stage = q % pipe.depth;
@@ -172,7 +172,7 @@ cudaError_t GroupKernels<T, K>::prepare() {
 }
 
 template <class T, Kind K>
-cudaError_t GroupKernels<T, K>::add(const FactorState<T>& state, int first, int end, const AddedPart<T>& part,
+cudaError_t GroupKernels<T, K>::add(const FactorState<T>& state, int first, int end, const AddedColumns<T>& part,
                                     cudaStream_t stream) {
   if (first == end) return cudaSuccess;
   group_add<T, K><<<end - first, kThreads, add_bytes<T>(), stream>>>(state, first, part);

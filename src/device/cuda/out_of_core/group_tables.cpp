@@ -72,7 +72,7 @@ UnitTables OutOfCoreTables::build(const out_of_core::ColumnGroup& g) const {
   u.group_end = static_cast<int>(arrays.tasks.size());
   arrays.fronts = {own, whole};
   for (int k = whole.link_begin; k < whole.link_end; ++k) {
-    const Link& from = device_.links[k];
+    const ChildRows& from = device_.links[k];
     Front child = in_arena(device_.fronts[from.child]);
     arrays.add_relative(plan_, from.child, child);
     arrays.add_link(device_, from, static_cast<std::int32_t>(arrays.fronts.size()), whole.tiles);

@@ -81,7 +81,7 @@ FactorState<T> Launches<T>::state(const Unit& places) const {
   std::byte* shared = arena_ + plan_.shared_at;
   s.fronts = reinterpret_cast<const Front*>(tables + u.at.fronts);
   s.tasks = reinterpret_cast<const FactorTask*>(tables + u.at.tasks);
-  s.links = reinterpret_cast<const Link*>(tables + u.at.links);
+  s.links = reinterpret_cast<const ChildRows*>(tables + u.at.links);
   s.bounds = reinterpret_cast<const std::int32_t*>(tables + u.at.bounds);
   s.waits = reinterpret_cast<const std::int32_t*>(tables + u.at.waits);
   s.relative = reinterpret_cast<const std::int32_t*>(tables + u.at.relative);
@@ -123,7 +123,7 @@ void Launches<T>::launch(const FactorState<T>& s, bool narrow) {
   const UnitTables& u = *unit_;
   const auto go = [&](bool wide, int first, int end) {
     if (first == end) return;
-    LaunchShape shape = shape_[wide ? 1 : 0];
+    LaunchConfiguration shape = shape_[wide ? 1 : 0];
     if (narrow && plan_.lanes == 2) shape.blocks = (shape.blocks + 1) / 2;
     dispatch("launch of the factorization kernel", [&](auto kernel, auto) {
       return decltype(kernel)::launch(wide, shape, s, first, end, u.scratch.pivots, stream_);
@@ -159,11 +159,11 @@ void Launches<T>::begin_group(const ColumnGroup& g) {
   if (kind_ != Kind::llt) zero(g.factor_at[1], factor);
   zero(g.contribution_at[0], below);
   if (kind_ == Kind::lu) zero(g.contribution_at[1], below);
-  if (g.entries > 0) add(g, AddedPart<T>{});
+  if (g.entries > 0) add(g, AddedColumns<T>{});
 }
 
 template <class T>
-void Launches<T>::add(const ColumnGroup& g, const AddedPart<T>& part) {
+void Launches<T>::add(const ColumnGroup& g, const AddedColumns<T>& part) {
   dispatch("launch of the assembly kernel", [&](auto, auto kernels) {
     return decltype(kernels)::add(state(g), unit_->end, unit_->group_end, part, stream_);
   });
@@ -173,7 +173,7 @@ template <class T>
 void Launches<T>::add_child(const ColumnGroup& g, const Operation& op) {
   const Front& child = front(op.front);
   const Offset before = layout_.contribution_offset(op.front, op.begin);
-  AddedPart<T> part;
+  AddedColumns<T> part;
   part.link = tables_.link_of(op.front);
   part.begin = op.begin * child.width;
   part.end = std::min<int>(child.below, op.end * child.width);

@@ -37,7 +37,7 @@ class Launches {
   void launch(const FactorState<T>& s, bool narrow);
   void eliminate(const out_of_core::InCoreStep& step);
   void begin_group(const out_of_core::ColumnGroup& g);
-  void add(const out_of_core::ColumnGroup& g, const AddedPart<T>& part);
+  void add(const out_of_core::ColumnGroup& g, const AddedColumns<T>& part);
   void add_child(const out_of_core::ColumnGroup& g, const out_of_core::Operation& op);
   void update(const out_of_core::ColumnGroup& g, const out_of_core::Operation& op);
   [[nodiscard]] const Front& front(Index f) const { return tables_.device_plan().fronts[static_cast<std::size_t>(f)]; }
@@ -48,7 +48,7 @@ class Launches {
   const out_of_core::OutOfCorePlan& plan_;
   std::byte* arena_;
   std::uint64_t patience_;            // nanoseconds
-  LaunchShape shape_[2];              // narrow, wide
+  LaunchConfiguration shape_[2];      // narrow, wide
   const UnitTables* unit_ = nullptr;  // of the operation at hand
   cudaStream_t stream_ = nullptr;     // likewise
 };

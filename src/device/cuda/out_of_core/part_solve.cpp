@@ -56,17 +56,17 @@ const std::vector<Index>& PartSolve<T>::prepare(const T* store, const std::vecto
 // The rows of the vectors come with each solve.
 template <class T>
 void PartSolve<T>::send_tables(const T* store, const std::vector<T>& inverse_d, const std::vector<T>& inverse_e) {
-  const auto put = [&](Offset at, const auto& list) {
+  const auto upload = [&](Offset at, const auto& list) {
     uploads_.copy(memory() + at, list.data(), static_cast<Offset>(list.size() * sizeof(list[0])), context_.stream);
   };
-  put(at_.fronts, tables_->fronts);
-  put(at_.up, tables_->up);
-  put(at_.down, tables_->down);
-  put(at_.links, tables_->links);
-  put(at_.bounds, tables_->bounds);
-  put(at_.relative, tables_->relative);
-  put(at_.rows, tables_->rows);
-  put(at_.base, std::vector<const T*>{reinterpret_cast<const T*>(context_.arena), store});
+  upload(at_.fronts, tables_->fronts);
+  upload(at_.up, tables_->up);
+  upload(at_.down, tables_->down);
+  upload(at_.links, tables_->links);
+  upload(at_.bounds, tables_->bounds);
+  upload(at_.relative, tables_->relative);
+  upload(at_.rows, tables_->rows);
+  upload(at_.base, std::vector<const T*>{reinterpret_cast<const T*>(context_.arena), store});
   if (context_.kind == Kind::ldlt) {
     std::vector<T> d, e;
     for (const Index f : tables_->part)
@@ -74,8 +74,8 @@ void PartSolve<T>::send_tables(const T* store, const std::vector<T>& inverse_d, 
         d.push_back(inverse_d[static_cast<std::size_t>(p)]);
         e.push_back(inverse_e[static_cast<std::size_t>(p)]);
       }
-    put(at_.inverse_d, d);
-    put(at_.inverse_e, e);
+    upload(at_.inverse_d, d);
+    upload(at_.inverse_e, e);
   }
 }
 
@@ -110,7 +110,7 @@ void PartSolve<T>::launch(const PartTables::Tasks& tasks, bool up, bool down) {
   s.down_tasks = down ? tasks.downs : 0;
   s.small_up = up ? tasks.small_up : 0;
   s.small_down = down ? tasks.small_down : 0;
-  s.links = reinterpret_cast<const Link*>(m + at_.links);
+  s.links = reinterpret_cast<const ChildRows*>(m + at_.links);
   s.bounds = reinterpret_cast<const std::int32_t*>(m + at_.bounds);
   s.relative = reinterpret_cast<const std::int32_t*>(m + at_.relative);
   s.rows = reinterpret_cast<const std::int32_t*>(m + at_.rows);

@@ -68,7 +68,7 @@ class PartSolve final : public Companion<T> {
   void fetch(T* x, Index columns, bool resident);
 
   PartContext context_;
-  SolveShape shape_;
+  SolveLaunches shape_;
   std::optional<PartTables> tables_;  // made as they will be needed when the store is pinned
   bool with_store_ = false;           // of tables_
   bool ready_ = false;

@@ -19,27 +19,27 @@ struct Counts {
 PartPlaces places_of(const Counts& c, Kind kind, Offset element, Index columns) {
   PartPlaces p;
   Offset at = 0;
-  const auto put = [&](Offset& place, Offset count, Offset size) {
+  const auto reserve = [&](Offset& place, Offset count, Offset size) {
     place = at;
     at += (count * size + kAligned - 1) / kAligned * kAligned;
   };
-  put(p.fronts, c.fronts, sizeof(Front));
-  put(p.up, c.up, sizeof(SolveTask));
-  put(p.down, c.down, sizeof(SolveTask));
-  put(p.links, c.links, sizeof(Link));
-  put(p.bounds, c.bounds, 4);
-  put(p.relative, c.updates, 4);
-  put(p.rows, c.rows, 4);
-  put(p.base, 2, sizeof(void*));
+  reserve(p.fronts, c.fronts, sizeof(Front));
+  reserve(p.up, c.up, sizeof(SolveTask));
+  reserve(p.down, c.down, sizeof(SolveTask));
+  reserve(p.links, c.links, sizeof(ChildRows));
+  reserve(p.bounds, c.bounds, 4);
+  reserve(p.relative, c.updates, 4);
+  reserve(p.rows, c.rows, 4);
+  reserve(p.base, 2, sizeof(void*));
   const Offset diagonal = kind == Kind::ldlt ? c.pivots : 0;
-  put(p.inverse_d, diagonal, element);
-  put(p.inverse_e, diagonal, element);
+  reserve(p.inverse_d, diagonal, element);
+  reserve(p.inverse_e, diagonal, element);
   p.vectors = at;
-  put(p.rhs, c.pivots * columns, element);
-  put(p.forward, c.pivots * columns, element);
-  put(p.solution, c.pivots * columns, element);
-  put(p.updates, c.updates * columns, element);
-  put(p.control, 1, PartPlaces::kControlBytes);
+  reserve(p.rhs, c.pivots * columns, element);
+  reserve(p.forward, c.pivots * columns, element);
+  reserve(p.solution, c.pivots * columns, element);
+  reserve(p.updates, c.updates * columns, element);
+  reserve(p.control, 1, PartPlaces::kControlBytes);
   p.bytes = at;
   return p;
 }

@@ -36,7 +36,7 @@ struct PartTables {
   std::vector<Front> fronts;    ///< of `part`, then of `children`
   Tasks resident, streamed;
   std::vector<SolveTask> up, down;
-  std::vector<Link> links;
+  std::vector<ChildRows> links;
   std::vector<std::int32_t> bounds, relative, rows;
   Index pivots = 0;          ///< of the part
   Offset updates = 0;        ///< rows below of all `fronts`

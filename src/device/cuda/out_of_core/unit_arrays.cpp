@@ -7,7 +7,7 @@ namespace espalier::device::cuda {
 namespace {
 
 template <class U>
-void put(UnitTables& u, Offset at, const std::vector<U>& list) {
+void write_list(UnitTables& u, Offset at, const std::vector<U>& list) {
   if (!list.empty()) std::memcpy(u.bytes.data() + at, list.data(), list.size() * sizeof(U));
 }
 
@@ -40,7 +40,7 @@ void UnitArrays::add_relative(const plan::Plan& plan, Index f, Front& x) {
   relative.insert(relative.end(), from, from + x.below);
 }
 
-void UnitArrays::add_link(const DevicePlan& plan, const Link& from, std::int32_t child, int tiles) {
+void UnitArrays::add_link(const DevicePlan& plan, const ChildRows& from, std::int32_t child, int tiles) {
   links.push_back({child, 0, static_cast<std::int64_t>(bounds.size())});
   const auto begin = plan.bounds.begin() + from.bound;
   bounds.insert(bounds.end(), begin, begin + tiles + 1);
@@ -57,14 +57,14 @@ void UnitArrays::add_entries(const plan::Plan& plan, Offset tile, Offset tiles, 
 
 void UnitArrays::write(UnitTables& u) const {
   u.bytes.resize(static_cast<std::size_t>(u.at.bytes));
-  put(u, u.at.fronts, fronts);
-  put(u, u.at.tasks, tasks);
-  put(u, u.at.links, links);
-  put(u, u.at.bounds, bounds);
-  put(u, u.at.waits, waits);
-  put(u, u.at.relative, relative);
-  put(u, u.at.entry_ptr, entry_ptr);
-  put(u, u.at.entries, entries);
+  write_list(u, u.at.fronts, fronts);
+  write_list(u, u.at.tasks, tasks);
+  write_list(u, u.at.links, links);
+  write_list(u, u.at.bounds, bounds);
+  write_list(u, u.at.waits, waits);
+  write_list(u, u.at.relative, relative);
+  write_list(u, u.at.entry_ptr, entry_ptr);
+  write_list(u, u.at.entries, entries);
 }
 
 }  // namespace espalier::device::cuda

@@ -13,7 +13,7 @@ namespace espalier::device::cuda {
 struct UnitArrays {
   std::vector<Front> fronts;
   std::vector<FactorTask> tasks;
-  std::vector<Link> links;
+  std::vector<ChildRows> links;
   std::vector<std::int32_t> bounds, waits, relative;
   std::vector<std::int64_t> entry_ptr;
   std::vector<plan::EntryPlace> entries;
@@ -24,7 +24,7 @@ struct UnitArrays {
   /// Rows below of front f of the plan, as `x`'s.
   void add_relative(const plan::Plan& plan, Index f, Front& x);
   /// A link to front `child` of the unit, with the bounds of the plan's link `from` to a parent of `tiles` tiles.
-  void add_link(const DevicePlan& plan, const Link& from, std::int32_t child, int tiles);
+  void add_link(const DevicePlan& plan, const ChildRows& from, std::int32_t child, int tiles);
   /// Entries [first, end) of the plan, which fill its tiles [tile, tile + tiles); their values come in this order.
   void add_entries(const plan::Plan& plan, Offset tile, Offset tiles, Offset first, Offset end);
   /// Bytes of the tables, at the places that they have.

@@ -38,8 +38,9 @@ Offset OutOfCoreTables::share_bytes(Index f) const {
   const Offset entries = plan_.entry_ptr[plan_.first_tile[f + 1]] - plan_.entry_ptr[plan_.first_tile[f]];
   const Offset links = x.link_end - x.link_begin;
   return static_cast<Offset>(sizeof(Front)) + x.tasks * static_cast<Offset>(sizeof(FactorTask)) +
-         links * (static_cast<Offset>(sizeof(Link)) + 4 * (x.tiles + 1)) + 4 * x.below + 8 * (pivot_tile_count(f) + 1) +
-         entries * (8 + element_) + x.flags() * (kind_ == Kind::lu ? 8 : 4) + x.pivots * (3 * element_ + 2) + 16;
+         links * (static_cast<Offset>(sizeof(ChildRows)) + 4 * (x.tiles + 1)) + 4 * x.below +
+         8 * (pivot_tile_count(f) + 1) + entries * (8 + element_) + x.flags() * (kind_ == Kind::lu ? 8 : 4) +
+         x.pivots * (3 * element_ + 2) + 16;
 }
 
 OutOfCoreTables::Counts OutOfCoreTables::count(const out_of_core::InCoreStep& step) const {
@@ -92,18 +93,18 @@ OutOfCoreTables::Counts OutOfCoreTables::count(Index f, Index begin, Index end) 
 TablePlaces OutOfCoreTables::places(const Counts& c) {
   TablePlaces t;
   Offset at = 0;
-  const auto put = [&](Offset& place, Offset count, std::size_t size) {
+  const auto reserve = [&](Offset& place, Offset count, std::size_t size) {
     place = at;
     at = aligned(at + count * static_cast<Offset>(size));
   };
-  put(t.fronts, c.fronts, sizeof(Front));
-  put(t.tasks, c.tasks, sizeof(FactorTask));
-  put(t.links, c.links, sizeof(Link));
-  put(t.bounds, c.bounds, 4);
-  put(t.waits, c.waits, 4);
-  put(t.relative, c.relative, 4);
-  put(t.entry_ptr, c.tiles, 8);
-  put(t.entries, c.entries, 8);
+  reserve(t.fronts, c.fronts, sizeof(Front));
+  reserve(t.tasks, c.tasks, sizeof(FactorTask));
+  reserve(t.links, c.links, sizeof(ChildRows));
+  reserve(t.bounds, c.bounds, 4);
+  reserve(t.waits, c.waits, 4);
+  reserve(t.relative, c.relative, 4);
+  reserve(t.entry_ptr, c.tiles, 8);
+  reserve(t.entries, c.entries, 8);
   t.bytes = at;
   return t;
 }
@@ -112,21 +113,21 @@ ScratchPlaces OutOfCoreTables::scratch_places(const Counts& c) const {
   ScratchPlaces s;
   constexpr Offset kControlBytes = (kCounters * 4 + 63) / 64 * 64;
   Offset at = 0;
-  const auto put = [&](Offset& place, Offset bytes) {
+  const auto reserve = [&](Offset& place, Offset bytes) {
     place = at;
     at += bytes;
   };
   const Offset vector = aligned(c.pivots * element_);
-  put(s.pivot, vector);
-  put(s.inverse_d, kind_ == Kind::ldlt ? vector : 0);
-  put(s.inverse_e, kind_ == Kind::ldlt ? vector : 0);
-  put(s.replaced, aligned(c.pivots));
-  put(s.failed, aligned(c.pivots));
-  put(s.control, kControlBytes);
+  reserve(s.pivot, vector);
+  reserve(s.inverse_d, kind_ == Kind::ldlt ? vector : 0);
+  reserve(s.inverse_e, kind_ == Kind::ldlt ? vector : 0);
+  reserve(s.replaced, aligned(c.pivots));
+  reserve(s.failed, aligned(c.pivots));
+  reserve(s.control, kControlBytes);
   s.part_flags = c.flags + c.set_flags;
   s.set_flags = c.set_flags;
-  put(s.flags, s.part_flags * (kind_ == Kind::lu ? 8 : 4));
-  put(s.finished, c.fronts * 4);
+  reserve(s.flags, s.part_flags * (kind_ == Kind::lu ? 8 : 4));
+  reserve(s.finished, c.fronts * 4);
   s.bytes = aligned(at);
   s.pivots = c.pivots;
   return s;

@@ -85,7 +85,7 @@ class Builder {
     });
   }
 
-  void find_bounds(Index f, const Link& link) {
+  void find_bounds(Index f, const ChildRows& link) {
     const auto& t = plan_.tree;
     const auto& layout = plan_.layout[f];
     const Offset first = t.row_ptr[link.child], end = t.row_ptr[link.child + 1];

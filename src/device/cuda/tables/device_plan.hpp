@@ -61,8 +61,8 @@ struct Place {
 /// complete.
 struct DevicePlan {
   std::vector<Front> fronts;
-  std::vector<Link> links;           ///< children, in the order in which their contributions are added
-  std::vector<std::int32_t> bounds;  ///< see Link
+  std::vector<ChildRows> links;      ///< children, in the order in which their contributions are added
+  std::vector<std::int32_t> bounds;  ///< see ChildRows
   std::vector<std::int32_t> waits;   ///< fronts whose memory is reused: they must be finished first
   std::vector<TaskLists> lists;      ///< devices
   std::int64_t flags = 0;

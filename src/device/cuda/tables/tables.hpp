@@ -153,7 +153,7 @@ struct Front {
 
 /// A child as its parent sees it: bounds[bound + i], i = 0 .. parent's tiles, is the first of the child's rows below
 /// (0-based) that falls into the parent's tile row i or a later one.
-struct Link {
+struct ChildRows {
   std::int32_t child = 0;
   std::int32_t pad = 0;
   std::int64_t bound = 0;

@@ -24,8 +24,8 @@ double patience_of_kernels(double patience) {
 }
 
 template <class T>
-TileExchange<T>::TileExchange(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
-                              const DevicePlan& tables, CopyQueues& queues)
+TileExchange<T>::TileExchange(ranks::Communicator& link, const ranks::Machines& machines, const plan::Plan& plan,
+                              Kind kind, const DevicePlan& tables, CopyQueues& queues)
     : link_(link),
       kind_(kind),
       tables_(tables),
@@ -86,8 +86,8 @@ void TileExchange<T>::begin_factor() {
 }
 
 template <class T>
-auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<Part> {
-  std::vector<Part> list;
+auto TileExchange<T>::parts_of(int rank, Index pass) const -> std::vector<UpdateMessage> {
+  std::vector<UpdateMessage> list;
   const auto most = std::max<std::int64_t>(1, static_cast<std::int64_t>(body_bytes() / sizeof(T)) / pass);
   for (const SentUpdates& u : messages_.updates(rank))
     for (std::int64_t row = 0; row < u.below; row += most)

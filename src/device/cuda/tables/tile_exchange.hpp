@@ -14,7 +14,7 @@
 #include "device/cuda/tables/landing.hpp"
 #include "device/cuda/tables/message_slots.hpp"
 #include "device/cuda/tables/tile_messages.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "ranks/machines.hpp"
 
 namespace espalier::device::cuda {
@@ -69,7 +69,7 @@ class TileExchange {
   static constexpr std::size_t kSlots = 256, kSlotBytes = std::size_t{1} << 20;
 
   /// All arguments outlive this object. @param tables  made as mirrored
-  TileExchange(ranks::Link& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
+  TileExchange(ranks::Communicator& link, const ranks::Machines& machines, const plan::Plan& plan, Kind kind,
                const DevicePlan& tables, CopyQueues& queues);
   TileExchange(const TileExchange&) = delete;
   TileExchange& operator=(const TileExchange&) = delete;
@@ -94,7 +94,7 @@ class TileExchange {
   /// Sends and receives until the kernels are done, nothing is missing in the memory of this rank, whoever brings it
   /// there, and nothing from here at others.
   /// @param kernels_done  asked again and again
-  /// @throws Error(device_error) when kernels have given up, or as Link::drive()
+  /// @throws Error(device_error) when kernels have given up, or as ChildRows::drive()
   void run(const std::function<bool()>& kernels_done);
   /// Bytes of an array that lies on all devices.
   struct Range {
@@ -114,7 +114,7 @@ class TileExchange {
   enum class What : std::int32_t { tiles = 1, updates = 2, values = 3 };
   static constexpr std::int32_t kLanded = 4;  // the kind of a message that says so; its number is What
   /// A part of a vector of updates that goes as one message.
-  struct Part {
+  struct UpdateMessage {
     std::int64_t first = 0;  // element of the updates of a pass
     std::int64_t count = 0;
     std::uint16_t receivers = 0;
@@ -173,7 +173,7 @@ class TileExchange {
   void look_for_updates();
   void finish_copies();
   [[nodiscard]] bool is_complete(const ranks::Message& message) const;
-  [[nodiscard]] std::vector<Part> parts_of(int rank, Index pass) const;
+  [[nodiscard]] std::vector<UpdateMessage> parts_of(int rank, Index pass) const;
   // A message counts once, whoever has it still to come.
   [[nodiscard]] bool is_busy() const { return out_.size() + sending_.size() >= kAtOnce; }
   void forget_sent();
@@ -187,7 +187,7 @@ class TileExchange {
   static constexpr std::size_t kPartsAtOnce = 16;  // parts of updates that are looked at
   static constexpr int kRoundsOfKernels = 16;      // between two questions whether kernels have ended
 
-  ranks::Link& link_;
+  ranks::Communicator& link_;
   Kind kind_;
   const DevicePlan& tables_;
   TileMessages messages_;
@@ -201,10 +201,10 @@ class TileExchange {
   std::vector<std::int64_t> flag_of_;  // by tile that this rank makes
   std::vector<char> sent_;             // tiles or parts
   std::size_t first_unsent_ = 0;
-  std::int64_t unsent_ = 0;               // tiles or parts that are not posted yet
-  Arrivals due_;                          // of what has still to come, to be told, and to be heard of
-  Arrivals due_tiles_, due_updates_;      // at the beginning of each run; the second of parts_pass_
-  std::vector<std::vector<Part>> parts_;  // by rank, of parts_pass_
+  std::int64_t unsent_ = 0;                        // tiles or parts that are not posted yet
+  Arrivals due_;                                   // of what has still to come, to be told, and to be heard of
+  Arrivals due_tiles_, due_updates_;               // at the beginning of each run; the second of parts_pass_
+  std::vector<std::vector<UpdateMessage>> parts_;  // by rank, of parts_pass_
   Index parts_pass_ = 0;
   std::vector<ranks::Message> taken_;  // since the last mark
   std::deque<Coming> in_;

@@ -92,7 +92,8 @@ void TileExchange<T>::take_tiles(int from, const ranks::Message& message) {
 
 template <class T>
 void TileExchange<T>::take_updates(int from, const ranks::Message& message) {
-  const Part& part = parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
+  const UpdateMessage& part =
+      parts_[static_cast<std::size_t>(from)].at(static_cast<std::size_t>(message.header().number));
   T* const here = side(link_.rank()).updates + part.first;
   copy_list(Way::to_device, here, message.body(), message.body_bytes());
   for (const int to : beside(part.receivers)) pass_on_list(here, side(to).updates + part.first, message.body_bytes());

@@ -59,7 +59,7 @@ template <class T>
 void add_child_to_tile(NumericState<T>& s, Workspace<T>& w, Index f, Index i, Index j, const ChildColumns<T>& child) {
   const TilePlace<T> t(s, f, i, j);
   const Index rb = t.layout.begin(i), cb = t.layout.begin(j);
-  Part<T> part{t.c, t.ld, rb, rb + t.rows, cb, cb + t.cols};
+  FrontBlock<T> part{t.c, t.ld, rb, rb + t.rows, cb, cb + t.cols};
   add_contribution(s.plan, child.front, child.part[0], part, false, w.runs, child.columns);
   if (!t.lu) return;
   if (i != j) part.data = t.c2;

@@ -49,8 +49,8 @@ inline const CableTables& cable_tables() { return kCableTables; }
 namespace {
 
 template <int kPoints>
-CableShapes<kPoints> make_shapes(const LinePoint (&rule)[kPoints]) {
-  CableShapes<kPoints> shapes;
+CableShapeFunctions<kPoints> make_shapes(const LinePoint (&rule)[kPoints]) {
+  CableShapeFunctions<kPoints> shapes;
   for (int k = 0; k < kPoints; ++k) {
     const Hermite h(rule[k].xi, 1);
     for (int p = 0; p < kCableParts; ++p) {

@@ -22,12 +22,12 @@ inline constexpr int kCableVertices = 4;
 
 /// Shape functions of the parts on an element of length 1 and their second derivatives, at the points of a rule.
 template <int kPoints>
-struct CableShapes {
+struct CableShapeFunctions {
   double d[kPoints][kCableParts], dd[kPoints][kCableParts], weight[kPoints];
 };
 struct CableTables {
-  CableShapes<5> axial;
-  CableShapes<3> bending;
+  CableShapeFunctions<5> axial;
+  CableShapeFunctions<3> bending;
 };
 
 /// The numbers that the kernels read.

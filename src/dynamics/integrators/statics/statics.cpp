@@ -40,7 +40,7 @@ class Statics {
         watch_(watch),
         problem_(equations, at_rest(state), options.load),
         path_(problem_, options, observer) {
-    problem_.set_watch([this](const StaticPoint& x) { look(x); });
+    problem_.set_watch([this](const StaticPoint& x) { check_limits(x); });
   }
 
   StaticsResult run() {
@@ -74,7 +74,7 @@ class Statics {
   }
 
  private:
-  void look(const StaticPoint& x) {
+  void check_limits(const StaticPoint& x) {
     const StaticPoint& last = path_.point();
     const double load = problem_.load(last), trial = problem_.load(x);
     StatusCode code = StatusCode::ok;

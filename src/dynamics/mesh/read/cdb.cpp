@@ -280,8 +280,8 @@ class CdbReader {
       nodes[a] = found->second;
     }
     const std::size_t added = elements_.add(shape, e.number, {nodes.data(), count});
-    elements_.put(added, fmt::format("material-{}", e.material));
-    elements_.put(added, fmt::format("type-{}", e.type));
+    elements_.add_to_set(added, fmt::format("material-{}", e.material));
+    elements_.add_to_set(added, fmt::format("type-{}", e.type));
     by_number_[e.number] = added;
   }
 
@@ -314,7 +314,7 @@ class CdbReader {
     for (const auto& [name, listed] : element_components_) {
       const std::string& set = name;  // clang 14 captures no structured bindings
       members(name, listed, by_number_.size(), [&](std::int64_t n) {
-        if (const auto found = by_number_.find(n); found != by_number_.end()) elements_.put(found->second, set);
+        if (const auto found = by_number_.find(n); found != by_number_.end()) elements_.add_to_set(found->second, set);
       });
     }
   }

@@ -108,7 +108,7 @@ class MeditReader {
           elements_.add(kind.type, static_cast<std::int64_t>(elements_.count()) + 1, {nodes.data(), corners});
       auto& known = element_references_[kind.set];
       known.insert(reference);
-      if (known.size() <= kMostMeditGroups) elements_.put(added, fmt::format("{}-{}", kind.set, reference));
+      if (known.size() <= kMostMeditGroups) elements_.add_to_set(added, fmt::format("{}-{}", kind.set, reference));
     }
   }
 

@@ -203,7 +203,7 @@ class MfemReader {
     }
     const std::size_t added = out_.add(type, static_cast<std::int64_t>(out_.count()),
                                        {nodes.data(), static_cast<std::size_t>(shape_of(type).nodes)});
-    out_.put(added, fmt::format("{}-{}", kind, e.attribute));
+    out_.add_to_set(added, fmt::format("{}-{}", kind, e.attribute));
   }
 
   Words words_;

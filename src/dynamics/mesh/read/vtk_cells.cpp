@@ -105,7 +105,7 @@ class VtkCells {
     for (std::size_t k = 0; k < data.values.size(); ++k) {
       const std::string set = fmt::format("{}-{}", data.name, data.values[k]);
       if (data.of_cells)
-        elements_.put(k, set);
+        elements_.add_to_set(k, set);
       else
         mesh_.node_sets[set].push_back(static_cast<Index>(k));
     }

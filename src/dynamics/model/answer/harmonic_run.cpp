@@ -24,7 +24,7 @@ Loads driven_numbers(const HarmonicCase& of) {
   Loads loads;
   for (const HarmonicSpec::Load& load : of.spec.loads) {
     loads.emplace_back();
-    for (const HarmonicSpec::Part& part : load.parts) {
+    for (const HarmonicSpec::Excitation& part : load.parts) {
       DrivenNumber number;
       number.amplitude = part.amplitude;
       if (const auto drive = of.mechanism.drives.find(part.of); drive != of.mechanism.drives.end()) {

@@ -44,9 +44,9 @@ BeamSection beam_of_constants(const Material& m, const std::array<double, 6>& x)
   return s;
 }
 
-BeamSpec::Part beam_of(const Material& m, const LineSection& s) {
+BeamSpec::ChainSection beam_of(const Material& m, const LineSection& s) {
   const auto& x = s.size;
-  BeamSpec::Part part;
+  BeamSpec::ChainSection part;
   switch (s.shape) {
     case LineShape::rectangle:
       part = {rectangular_section(m, x[0], x[1]), SectionOutline{m.young, 0, x[0], x[1]}};

@@ -32,8 +32,8 @@ std::vector<LineChain> line_chains(const BuiltBody& body) {
 
 std::vector<LineElement> line_elements(const BuiltBody& body) { return elements_of(line_chains(body)); }
 
-BeamSpec::Part section_of_chain(const BeamSpec& beam, const LineChain& chain) {
-  return beam.file ? beam.sections[chain.section] : BeamSpec::Part{beam.section, beam.outline};
+BeamSpec::ChainSection section_of_chain(const BeamSpec& beam, const LineChain& chain) {
+  return beam.file ? beam.sections[chain.section] : BeamSpec::ChainSection{beam.section, beam.outline};
 }
 
 CableSection section_of_chain(const CableSpec& cable, const LineChain& chain) {

@@ -15,7 +15,7 @@ struct LineElement {
 };
 /// Of beams and cables; of other bodies none.
 [[nodiscard]] std::vector<LineChain> line_chains(const BuiltBody& body);
-[[nodiscard]] BeamSpec::Part section_of_chain(const BeamSpec& beam, const LineChain& chain);
+[[nodiscard]] BeamSpec::ChainSection section_of_chain(const BeamSpec& beam, const LineChain& chain);
 [[nodiscard]] CableSection section_of_chain(const CableSpec& cable, const LineChain& chain);
 /// Of beams and cables, in the order of their elements; of other bodies none.
 [[nodiscard]] std::vector<LineElement> line_elements(const BuiltBody& body);

@@ -24,14 +24,14 @@ std::shared_ptr<const Mesh> grid_mesh(const ShellSpec& s) {
   for (Index j = 0; j <= s.ny; ++j)
     for (Index i = 0; i <= s.nx; ++i) {
       const Index node = j * (s.nx + 1) + i;
-      const auto put = [&](const char* set, bool belongs) {
+      const auto add_to_set = [&](const char* set, bool belongs) {
         if (belongs) mesh->node_sets[set].push_back(node);
       };
-      put("x0", i == 0);
-      put("x1", i == s.nx);
-      put("y0", j == 0);
-      put("y1", j == s.ny);
-      put("all", true);
+      add_to_set("x0", i == 0);
+      add_to_set("x1", i == s.nx);
+      add_to_set("y0", j == 0);
+      add_to_set("y1", j == s.ny);
+      add_to_set("all", true);
       mesh->nodes.push_back({});
       if (i == s.nx || j == s.ny) continue;
       mesh->add_element(ElementType::quad4, std::array{node, node + 1, node + s.nx + 2, node + s.nx + 1});

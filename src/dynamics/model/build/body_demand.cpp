@@ -22,7 +22,7 @@ constexpr double kOfHex8 = 2e3, kOfHex20 = 3.7e3, kOfLine = 7e2;
 
 struct BodySizes {
   BodySize operator()(const SolidSpec& solid) const {
-    const auto* part = std::get_if<MeshPart>(&solid.mesh);
+    const auto* part = std::get_if<MesherSpec>(&solid.mesh);
     if (part == nullptr) return {};
     const bool hex20 = part->size.type == ElementType::hex20;
     constexpr int kOfElement8 = 3, kOfElement20 = 12;  // unknowns, inside of a large mesh

@@ -101,7 +101,7 @@ class Builder {
   void add_drives() {
     if (!model_.harmonic) return;
     for (const HarmonicSpec::Load& load : model_.harmonic->loads)
-      for (const HarmonicSpec::Part& part : load.parts) {
+      for (const HarmonicSpec::Excitation& part : load.parts) {
         const auto named = [&](const auto& spec) { return spec.name == part.of; };
         if (std::any_of(model_.forces.begin(), model_.forces.end(), named) ||
             std::any_of(model_.joints.begin(), model_.joints.end(), named))

@@ -21,7 +21,7 @@ namespace {
 
 Point to_point(const Vec3& x) { return {x.x(), x.y(), x.z()}; }
 
-Mesh make_part(const MeshPart& part, base::ThreadPool& pool) {
+Mesh make_part(const MesherSpec& part, base::ThreadPool& pool) {
   MeshSize own = part.size;
   own.pool = &pool;
   struct Visitor {
@@ -130,7 +130,7 @@ std::unique_ptr<FlexibleBody> make_solid(const BodySpec& spec, const SolidSpec& 
                                          base::ThreadPool& pool, BuiltBody& out) {
   const auto* file = std::get_if<MeshFile>(&solid.mesh);
   auto mesh = std::make_shared<Mesh>(file != nullptr ? load_mesh(*file, spec.name)
-                                                     : make_part(std::get<MeshPart>(solid.mesh), pool));
+                                                     : make_part(std::get<MesherSpec>(solid.mesh), pool));
   std::vector<Index> elements =
       solids_of(*mesh, solid.element_set.empty() ? std::vector<Index>() : mesh->element_set(solid.element_set));
   drop_others(*mesh, elements);

@@ -52,7 +52,7 @@ Eigen::MatrixXd pressures_on(const BuiltBody& body, const Description& model) {
 
 /// What a place for each of many loads costs, and what serves instead.
 void note_loaded_nodes(BuiltBody& body, const Description& model, const FrameBuilder& frames,
-                       const ReducedShapes& shapes) {
+                       const ReducedBasis& shapes) {
   constexpr std::size_t kMany = 4;
   std::size_t nodes = 0;
   for (const ForceSpec& force : model.forces)
@@ -83,7 +83,7 @@ void reduce_body(std::unique_ptr<FlexibleBody> nodal, const Description& model, 
   Options solver;
   solver.device = "cpu";
   solver.threads = out.pool.size();
-  ReducedShapes shapes = reduce(*alone, interfaces, pressures_on(body, model), *body.spec.reduction, solver);
+  ReducedBasis shapes = reduce(*alone, interfaces, pressures_on(body, model), *body.spec.reduction, solver);
   ReducedInertia inertia = inertia_of_mesh(alone->body(), shapes);
   note_loaded_nodes(body, model, frames, shapes);
   add_reduced(std::make_unique<ReducedBody>(std::move(alone), std::move(shapes), std::move(inertia), 0), model, out,

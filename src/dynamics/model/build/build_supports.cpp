@@ -83,11 +83,11 @@ class SupportBuilder {
     return Eigen::Map<const Vec3>(frames_.initial_configuration().data() + flexible_.configuration(vertex));
   }
 
-  using Parts = std::vector<Support::Part>;
+  using Terms = std::vector<Support::Term>;
 
   /// Where the node is, which may be beside the middle of a shell's thickness.
-  [[nodiscard]] Parts at_node(Index place, const Vec3& direction) const {
-    Parts parts = {{place, direction}};
+  [[nodiscard]] Terms at_node(Index place, const Vec3& direction) const {
+    Terms parts = {{place, direction}};
     const auto* shell = std::get_if<ShellSpec>(&body_.spec.shape);
     if (shell != nullptr && shell->offset != 0 && !spec_.slopes)
       parts.push_back({place + 1, -shell->offset * direction});
@@ -99,7 +99,7 @@ class SupportBuilder {
     return std::count(spec_.rotations.begin(), spec_.rotations.end(), true);
   }
 
-  void add(Index node, Parts parts, int motion, const std::string& what) {
+  void add(Index node, Terms parts, int motion, const std::string& what) {
     const auto& [vertex, direction] = parts.front();
     if (const HeldDirection* first = holder(vertex, direction); first != nullptr) {
       if (motion >= 0 || first->moved)
@@ -111,10 +111,10 @@ class SupportBuilder {
       skipped_for_ = first->by;
       return;
     }
-    for (const Support::Part& part : parts)
+    for (const Support::Term& part : parts)
       fresh_.emplace_back(part.vertex, HeldDirection{part.direction.normalized(), spec_.name, motion >= 0});
     double rest = 0;
-    for (const Support::Part& part : parts) rest += part.direction.dot(at_start(part.vertex));
+    for (const Support::Term& part : parts) rest += part.direction.dot(at_start(part.vertex));
     rows_.push_back(
         {std::move(parts), rest, motion, fmt::format("node {} of '{}', {}", label(node), spec_.where.body, what)});
   }
@@ -205,8 +205,8 @@ class SupportBuilder {
           fail(spec_.place,
                fmt::format("rotations of node {} of '{}' are held by '{}' already; hold them by one support",
                            label(node), spec_.where.body, known->second.front().by));
-      Parts parts = {{place + 2, 0.5 * a.dot(x) * z - a.dot(z) * x}, {place + 3, a.dot(y) * x - 0.5 * a.dot(x) * y}};
-      std::erase_if(parts, [](const Support::Part& part) { return part.direction.norm() < 1e-14; });
+      Terms parts = {{place + 2, 0.5 * a.dot(x) * z - a.dot(z) * x}, {place + 3, a.dot(y) * x - 0.5 * a.dot(x) * y}};
+      std::erase_if(parts, [](const Support::Term& part) { return part.direction.norm() < 1e-14; });
       add(node, std::move(parts), -1, fmt::format("rotation {}", "xyz"[i]));
     }
   }

@@ -204,7 +204,7 @@ std::optional<Offer> functions_of(const Mechanism& mechanism, const std::string&
     return Offer{{}, {{pressure->faces().value_name(), pressure_of(*pressure)}}};
   if (mechanism.surface_contact(object) != nullptr) return Offer{};
   if (mechanism.controllers != nullptr)
-    if (const Controllers::Part* part = mechanism.controllers->part(object)) {
+    if (const Controllers::Controller* part = mechanism.controllers->part(object)) {
       Offer offer;
       for (const auto& output : part->outputs)
         offer.scalars.emplace_back(output.name, std::make_shared<InputFunction>(&output.value));

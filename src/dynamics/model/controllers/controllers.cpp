@@ -47,11 +47,11 @@ bool plain_name(const std::string& name) {
 
 }  // namespace
 
-void Controllers::Part::give_inputs(const StateView& s) {
+void Controllers::Controller::give_inputs(const StateView& s) {
   for (std::size_t k = 0; k < inputs.size(); ++k) fmu->set(variables[k], inputs[k]->value(s));
 }
 
-bool Controllers::Part::take_outputs() {
+bool Controllers::Controller::take_outputs() {
   bool changed = false;
   for (Output& output : outputs) {
     const double value = fmu->get(output.variable);
@@ -65,7 +65,7 @@ bool Controllers::Part::take_outputs() {
 }
 
 void Controllers::add(const ControllerSpec& spec, double begin) {
-  auto part = std::make_unique<Part>();
+  auto part = std::make_unique<Controller>();
   part->name = spec.name;
   part->begin = begin;
   part->step = spec.step;
@@ -96,7 +96,7 @@ void Controllers::add(const ControllerSpec& spec, double begin) {
   parts_.push_back(std::move(part));
 }
 
-const Controllers::Part* Controllers::part(const std::string& name) const {
+const Controllers::Controller* Controllers::part(const std::string& name) const {
   const auto it = std::find_if(parts_.begin(), parts_.end(), [&](const auto& p) { return p->name == name; });
   return it == parts_.end() ? nullptr : it->get();
 }
@@ -119,7 +119,7 @@ double Controllers::next() const {
 
 // All of them get the state before any of them steps: the order of the text does not matter.
 std::string Controllers::exchange(const StateView& s) {
-  const auto due = [&](const Part& part) {
+  const auto due = [&](const Controller& part) {
     return !(part.next() - s.t > 4e-16 * std::max(std::abs(s.t), std::abs(part.next())));
   };
   std::string ends;

@@ -23,7 +23,7 @@ class Controllers final : public Component, public Remembers {
     fmi::ForeignVariable variable;
     double value = 0;  ///< since the last exchange
   };
-  struct Part {
+  struct Controller {
     std::string name;
     std::unique_ptr<fmi::ForeignFmu> fmu;
     double begin = 0, step = 0;                   ///< exchanges are at begin + k step
@@ -40,8 +40,8 @@ class Controllers final : public Component, public Remembers {
   Controllers() : Component("controllers") {}
   /// Loads an FMU, and asks what it tells before it knows our state. @throws Error(invalid_input)
   void add(const ControllerSpec& spec, double begin);
-  [[nodiscard]] const std::vector<std::unique_ptr<Part>>& parts() const { return parts_; }
-  [[nodiscard]] const Part* part(const std::string& name) const;
+  [[nodiscard]] const std::vector<std::unique_ptr<Controller>>& parts() const { return parts_; }
+  [[nodiscard]] const Controller* part(const std::string& name) const;
 
   /// With the state at the start. @return whether what FMUs tell has changed by it
   bool begin(const StateView& s);
@@ -59,7 +59,7 @@ class Controllers final : public Component, public Remembers {
   void restore(ConstSpan& in) override;
 
  private:
-  std::vector<std::unique_ptr<Part>> parts_;
+  std::vector<std::unique_ptr<Controller>> parts_;
 };
 
 }  // namespace espalier::dynamics::model

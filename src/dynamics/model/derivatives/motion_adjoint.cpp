@@ -118,8 +118,8 @@ void MotionAdjoint::go_back(std::size_t targets, const Weight& weight, const std
   defect_ = std::max(defect_, step.left());
 }
 
-std::vector<double> MotionAdjoint::look(Mechanism& side, const State& start,
-                                        const std::vector<Quantity>& quantities) const {
+std::vector<double> MotionAdjoint::lagrangian(Mechanism& side, const State& start,
+                                              const std::vector<Quantity>& quantities) const {
   const std::size_t targets = start_.size(), m = start.lambda.size();
   std::vector<double> out(targets, 0.0), dq(start.v.size()), f(dq.size()), velocity(m), acceleration(m);
   mechanism_.system.local(record_.state(0).q, start.q, dq);

@@ -53,8 +53,8 @@ class MotionAdjoint {
   void go_back(std::size_t targets, const Weight& weight, const std::function<void()>& go_on);
   /// By target: J - sum y^T R + what the start makes of J, of a model of the same unknowns beside this one, up to a
   /// constant: a difference of two is that of J. @param start  of that model
-  [[nodiscard]] std::vector<double> look(Mechanism& side, const State& start,
-                                         const std::vector<Quantity>& quantities) const;
+  [[nodiscard]] std::vector<double> lagrangian(Mechanism& side, const State& start,
+                                               const std::vector<Quantity>& quantities) const;
   /// See SensitivityResult::defect.
   [[nodiscard]] double defect() const { return defect_; }
 

@@ -40,8 +40,8 @@ double QuantitySlopes::value(const Quantity& quantity, const State& state) const
   return quantity.value(s);
 }
 
-std::vector<QuantitySlopes::Part> QuantitySlopes::parts(const State& state) const {
-  std::vector<Part> all = {{0, n_, 0}};
+std::vector<QuantitySlopes::StateRange> QuantitySlopes::parts(const State& state) const {
+  std::vector<StateRange> all = {{0, n_, 0}};
   if (!load_) {
     all.push_back({n_, 2 * n_, largest_or_one(state.v)});
     all.push_back({2 * n_, 3 * n_, largest_or_one(state.a)});
@@ -90,7 +90,7 @@ std::vector<double> QuantitySlopes::steps(const State& state, std::span<const In
 // Whether moves of the numbers by amounts of about 1, times what a probe is of them, change a bit of the quantity.
 bool QuantitySlopes::changes(const Quantity& quantity, const State& state, const std::vector<double>& amounts) {
   std::vector<double> step = amounts;
-  for (const Part& part : parts(state)) {
+  for (const StateRange& part : parts(state)) {
     const double size = part.first == 0 ? extent_along(state, amounts) : part.size;
     for (std::size_t i = part.first; i < part.last; ++i) step[i] *= kProbeStep * size;
   }
@@ -119,21 +119,21 @@ const std::vector<std::size_t>& QuantitySlopes::support(const Quantity& quantity
   std::vector<std::size_t>& known = entry->second;
   if (!fresh) {
     std::vector<double> amounts(3 * n_ + rows_.size(), 0.0);
-    for (const Part& part : parts(state)) fill_random(part.first, part.last, amounts);
+    for (const StateRange& part : parts(state)) fill_random(part.first, part.last, amounts);
     for (const std::size_t i : known) amounts[i] = 0;
     if (!changes(quantity, state, amounts)) return known;
   }
   known.clear();
-  for (const Part& part : parts(state)) find_support(quantity, state, part.first, part.last, known);
+  for (const StateRange& part : parts(state)) find_support(quantity, state, part.first, part.last, known);
   return known;
 }
 
 StateSlopes QuantitySlopes::at(const Quantity& quantity, const State& state) {
   std::vector<double> slopes(3 * n_ + rows_.size(), 0.0), step(slopes.size(), 0.0);
-  const std::vector<Part> all = parts(state);
+  const std::vector<StateRange> all = parts(state);
   for (const std::size_t i : support(quantity, state)) {
     double size = 0;
-    for (const Part& part : all)
+    for (const StateRange& part : all)
       if (i >= part.first && i < part.last) size = part.size;
     step[i] = 1;
     const double h = kStep * (i < n_ ? extent_along(state, step) : size);

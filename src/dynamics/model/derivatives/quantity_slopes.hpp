@@ -33,11 +33,11 @@ class QuantitySlopes {
 
  private:
   /// Numbers of the state as one list: dq, v, a, multipliers of the kept rows.
-  struct Part {
+  struct StateRange {
     std::size_t first, last;
     double size;  // the largest value; of dq: 0, the extent of the model counts
   };
-  [[nodiscard]] std::vector<Part> parts(const State& state) const;
+  [[nodiscard]] std::vector<StateRange> parts(const State& state) const;
   [[nodiscard]] State moved(const State& state, const std::vector<double>& step) const;
   [[nodiscard]] bool changes(const Quantity& quantity, const State& state, const std::vector<double>& amounts);
   void find_support(const Quantity& quantity, const State& state, std::size_t first, std::size_t last,

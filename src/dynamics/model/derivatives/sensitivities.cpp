@@ -294,14 +294,14 @@ class SensitivityRun {
     Runner run(model, options, summary);
     const std::vector<Quantity> quantities = run.chosen();
     std::vector<double> t, values;
-    const auto look = [&] {
+    const auto sample = [&] {
       t.push_back(run.time());
       for (const Quantity& q : quantities) values.push_back(q.value(Sample{&run.state(), {}}));
     };
-    look();
+    sample();
     run.run([&](const SimulationStep&) {
       if (!objective_) t.clear(), values.clear();
-      look();
+      sample();
       return true;
     });
     if (summary.interrupted) throw Error(StatusCode::cancelled, "the derivatives were interrupted");
@@ -499,7 +499,7 @@ class SensitivityRun {
       for (int a = 0; a < 2; ++a) {
         SimulationSummary summary;
         const std::unique_ptr<Runner> side = beside_nominal(given_[p], a, summary);
-        beside[a] = adjoint.look(side->mechanism(), side->state(), side->chosen());
+        beside[a] = adjoint.lagrangian(side->mechanism(), side->state(), side->chosen());
       }
       for (std::size_t k = 0; k < targets; ++k)
         result_.derivatives[k * given_.size() + p] = (beside[1][k] - beside[0][k]) / (2 * given_[p].step());

@@ -74,12 +74,12 @@ class TieBuilder {
   }
 
   /// Three equations: the sum of the own vertices is that of the others, but for what it is not at the start.
-  void hold(const TiePoint::Parts& own, const TiePoint::Parts& other, const std::string& what) {
+  void hold(const TiePoint::Terms& own, const TiePoint::Terms& other, const std::string& what) {
     constexpr double kNone = 1e-14;
     for (int d = 0; d < 3; ++d) {
       NodeEquation e;
       e.label = fmt::format("{}, {}", what, "xyz"[d]);
-      const auto add = [&](const FlexibleBody* body, const TiePoint::Parts& parts, double sign) {
+      const auto add = [&](const FlexibleBody* body, const TiePoint::Terms& parts, double sign) {
         for (const auto& [vertex, factor] : parts) {
           const NodeEquation::Term term{body, vertex, d, sign * factor};
           const auto known =
@@ -127,7 +127,7 @@ class TieBuilder {
     const bool is_beam = std::holds_alternative<BeamSpec>(to_.spec.shape);
     if (is_beam ? shares(at.axes[0]) <= std::sqrt(1 - kAlong * kAlong) : shares(at.axes[2]) >= kAlong) {
       const Vec3 by_axis = shares_of(director, at);
-      TiePoint::Parts other;
+      TiePoint::Terms other;
       for (std::size_t k = 0; k < 3; ++k)
         for (const auto& [part, factor] : at.axes[k].parts)
           other.emplace_back(part, by_axis[static_cast<Eigen::Index>(k)] * factor);
@@ -155,12 +155,12 @@ class TieBuilder {
       const TiePoint& outer = up ? top : bottom;
       const bool at_middle = mean.distance < outer.distance;
       if (is_far(at_middle ? mean : outer)) return false;
-      hold(at_middle ? TiePoint::Parts{{place, 1}} : TiePoint::Parts{{place, 1}, {place + 1, up ? half : -half}},
+      hold(at_middle ? TiePoint::Terms{{place, 1}} : TiePoint::Terms{{place, 1}, {place + 1, up ? half : -half}},
            at_middle ? mean.place : outer.place, label(node));
       return true;
     }
     if (is_far(top) || is_far(bottom)) return false;
-    TiePoint::Parts sum, difference;
+    TiePoint::Terms sum, difference;
     for (const auto& [vertex, factor] : top.place) {
       sum.emplace_back(vertex, 0.5 * factor);
       difference.emplace_back(vertex, 0.5 / half * factor);

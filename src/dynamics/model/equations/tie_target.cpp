@@ -8,7 +8,7 @@
 
 #include "dynamics/elements/line_point.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
-#include "dynamics/model/equations/face_search.hpp"
+#include "dynamics/model/equations/nearest_face.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -43,11 +43,11 @@ class SolidTarget final : public TieTarget {
 
  private:
   PlaceOf place_;
-  FaceSearch search_;
+  NearestFace search_;
 };
 
 /// Adds `factor` times the parts.
-void add_parts(TiePoint::Parts& to, const TiePoint::Parts& parts, double factor) {
+void add_parts(TiePoint::Terms& to, const TiePoint::Terms& parts, double factor) {
   for (const auto& [vertex, share] : parts) to.emplace_back(vertex, factor * share);
 }
 
@@ -96,7 +96,7 @@ class ShellTarget final : public TieTarget {
 
  private:
   PlaceOf place_;
-  FaceSearch search_;
+  NearestFace search_;
   double thickness_;
 };
 

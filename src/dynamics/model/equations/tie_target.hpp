@@ -14,13 +14,13 @@ namespace espalier::dynamics::model {
 
 /// A point of a body's material, by the body's vertices.
 struct TiePoint {
-  using Parts = std::vector<std::pair<Index, double>>;  ///< vertices and their factors
+  using Terms = std::vector<std::pair<Index, double>>;  ///< vertices and their factors
   /// A vector of the material there: the sum of factors times vertices, which is `value` at the start.
   struct Axis {
-    Parts parts;
+    Terms parts;
     Vec3 value = Vec3::Zero();
   };
-  Parts place;                 ///< of solids and cables with a constant rest
+  Terms place;                 ///< of solids and cables with a constant rest
   std::vector<Axis> axes;      ///< three, of cables none; the first are tangents, the last of shells the director, of
                                ///< solids one out of the element
   Vec3 normal = Vec3::Zero();  ///< of the face of a solid

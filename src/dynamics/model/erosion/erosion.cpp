@@ -66,7 +66,7 @@ const std::vector<double>* Erosion::failed_at(const std::string& body) const {
   return found == nullptr ? nullptr : &found->failed_at;
 }
 
-bool Erosion::look(const State& s) {
+bool Erosion::find_failing(const State& s) {
   bool any = false;
   for (Body& body : bodies_) {
     look_at(body, s, mechanism_.step_pool);

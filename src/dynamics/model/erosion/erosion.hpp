@@ -33,9 +33,9 @@ class Erosion final : public Component, public Remembers {
   void add(const BuiltBody& body);
 
   /// What at least one element that has not failed passes at a state. @return whether there is one
-  [[nodiscard]] bool look(const State& s);
-  /// Lets what the last look() has found fail: masses, patterns, and velocities of the state, which is the one looked
-  /// at. Accelerations and multipliers are to be made anew.
+  [[nodiscard]] bool find_failing(const State& s);
+  /// Lets what the last find_failing() has found fail: masses, patterns, and velocities of the state, which is the one
+  /// looked at. Accelerations and multipliers are to be made anew.
   void fail(Equations& equations, State& state);
 
   /// How many of a body's elements have failed, where it stays; null: they cannot.
@@ -70,7 +70,7 @@ class Erosion final : public Component, public Remembers {
     std::vector<double> failed_at;  // of each element
     double count = 0;               // of those that have failed
     Passed first;                   // that failed
-    std::vector<Passed> passed;     // found by look()
+    std::vector<Passed> passed;     // found by find_failing()
   };
   [[nodiscard]] const Body* find(const std::string& body) const;
   [[nodiscard]] static Passed worst_of(const Body& body, Index element, const FieldTable& table, std::size_t row);

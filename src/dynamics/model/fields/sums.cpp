@@ -73,12 +73,12 @@ std::function<Vec3(const Sample&)> reaction_on(Mechanism& mechanism, const Built
 }
 
 std::function<Vec3(const Sample&)> sum_of_joints(const Mechanism& mechanism, const std::string& pattern, bool moment) {
-  struct Part {
+  struct JointTerm {
     const Joint* joint;
     int side;
     VectorFunctionPtr force, moment;
   };
-  std::vector<Part> parts;
+  std::vector<JointTerm> parts;
   std::string names;
   for (const Joint* joint : mechanism.joints) {
     names += (names.empty() ? "" : ", ") + joint->name();
@@ -91,7 +91,7 @@ std::function<Vec3(const Sample&)> sum_of_joints(const Mechanism& mechanism, con
         fmt::format("no joint fits '{}'; there {}", pattern, names.empty() ? "are none" : "are " + names));
   return [parts, moment](const Sample& s) {
     Vec3 sum = Vec3::Zero();
-    for (const Part& part : parts) {
+    for (const JointTerm& part : parts) {
       const Vec3 force = part.force->value(s.state->view());
       if (!moment) {
         sum += force;

@@ -68,7 +68,7 @@ Separation separation_of(const JointSpec& j, const JointStart& start) {
 PairCoordinate pitch_line(const JointSpec& j, const JointStart& start) {
   if (j.type == JointType::rack_pair) return {Relative::along, 2};
   return {.function =
-              std::make_shared<PairSum>(std::vector<PairSum::Part>{{pitch_radii(j, start)[0], {Relative::polar}}})};
+              std::make_shared<PairSum>(std::vector<PairSum::Term>{{pitch_radii(j, start)[0], {Relative::polar}}})};
 }
 
 const JointKind kGearPair = {.type = JointType::gear_pair,

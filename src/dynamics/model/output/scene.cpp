@@ -157,7 +157,7 @@ double Scene::extent_over_speed(const State& s) {
 
 void Scene::place(const State& s) {
   std::size_t next = 0, rigid = 0;
-  const auto put = [&](const Vec3& x, const Vec3& v) {
+  const auto append_point = [&](const Vec3& x, const Vec3& v) {
     for (int i = 0; i < 3; ++i, ++next) {
       points_[next] = x[i];
       velocity_[next] = v[i];
@@ -170,12 +170,12 @@ void Scene::place(const State& s) {
       const Vec3 omega = r * body.rigid->angular(s.v);
       for (const Vec3& corner : corners_[rigid++]) {
         const Vec3 arm = r * corner;
-        put(centre + arm, v + omega.cross(arm));
+        append_point(centre + arm, v + omega.cross(arm));
       }
       continue;
     }
     if (body.point != nullptr) {
-      put(body.point->position(s.q), body.point->velocity(s.v));
+      append_point(body.point->position(s.q), body.point->velocity(s.v));
       continue;
     }
     const Index step = body.flexible->vertices_per_node();
@@ -185,7 +185,7 @@ void Scene::place(const State& s) {
     for (Index k = 0; k < body.flexible->nodes(); ++k) {
       const double* x = &q[at(body.flexible->configuration(k * step))];
       const double* v = &rate[at(body.flexible->coordinate(k * step))];
-      put({x[0], x[1], x[2]}, {v[0], v[1], v[2]});
+      append_point({x[0], x[1], x[2]}, {v[0], v[1], v[2]});
     }
   }
 }

@@ -104,7 +104,7 @@ class Repeater {
   /// Before anything is written out: whether all blocks together stay within bounds.
   void check(const Value& block) {
     if (!block.is_table()) fail(block.place, "must be a table ([[repeat]])");
-    const Range range = read_range(block);
+    const Repetition range = read_range(block);
     std::int64_t values = 0;
     for (const auto& [key, value] : block.entries)
       if (repeatable(key)) values += count_values(value);
@@ -117,7 +117,7 @@ class Repeater {
 
   /// @pre check() of all blocks
   void repeat(const Value& block) {
-    const Range range = read_range(block);
+    const Repetition range = read_range(block);
     for (double i = range.from; i <= range.to; ++i) {
       auto scope = std::make_shared<Scope>(parameters_);
       (*scope)[range.index] = i;
@@ -127,7 +127,7 @@ class Repeater {
   }
 
  private:
-  struct Range {
+  struct Repetition {
     std::string index = "i";
     double from = 0, to = -1;
   };
@@ -136,8 +136,8 @@ class Repeater {
     return std::find(kRepeatable.begin(), kRepeatable.end(), key) != kRepeatable.end();
   }
 
-  [[nodiscard]] Range read_range(const Value& block) const {
-    Range range;
+  [[nodiscard]] Repetition read_range(const Value& block) const {
+    Repetition range;
     bool bounded = false;
     for (const auto& [key, value] : block.entries) {
       if (key == "index" && value.type == Value::Type::text) {

@@ -340,14 +340,14 @@ class BodyReader {
       out.lines.push_back({static_cast<std::int64_t>(labels[k]), static_cast<std::int64_t>(labels[k + 1])});
   }
 
-  std::variant<MeshFile, MeshPart> read_mesh_source(Section s) const {
+  std::variant<MeshFile, MesherSpec> read_mesh_source(Section s) const {
     if (s.has("file")) {
       MeshFile file{beside_model(s.text("file")), s.positive("scale", 1), {}};
       read_take(s, file);
       s.finish();
       return file;
     }
-    MeshPart part;
+    MesherSpec part;
     const int kind = s.choice(
         "part", {"block", "connecting-rod", "chain-link", "crank", "guide", "bladed-rotor", "spur-gear", "tyre"});
     part.size.unknowns = s.positive("unknowns", part.size.unknowns);

@@ -86,7 +86,7 @@ bool drives(JointType type) {
 }
 
 /// What a part acts on must be there, and be something that can be driven.
-void check_part(const HarmonicSpec::Part& part, const Description& model) {
+void check_part(const HarmonicSpec::Excitation& part, const Description& model) {
   std::vector<std::string> names;
   for (const ForceSpec& force : model.forces) {
     names.push_back(force.name);
@@ -138,7 +138,7 @@ HarmonicSpec read_harmonic(Section s, const Description& model) {
   out.phases = s.integer("phases", 1, out.phases, kMostPhases);
   s.finish();
   for (const HarmonicSpec::Load& load : out.loads)
-    for (const HarmonicSpec::Part& part : load.parts) check_part(part, model);
+    for (const HarmonicSpec::Excitation& part : load.parts) check_part(part, model);
   return out;
 }
 

@@ -25,16 +25,16 @@ class ReducedWriter {
   }
 
   std::vector<std::string> write(const ReducedFiles& wanted) {
-    if (wanted.op4) put(".op4", output4_binary(with_shapes()));
-    if (wanted.op4_text) put("_text.op4", output4_text(with_shapes()));
-    if (wanted.dmig) put(".bdf", bulk_data());
+    if (wanted.op4) write_file(".op4", output4_binary(with_shapes()));
+    if (wanted.op4_text) write_file("_text.op4", output4_text(with_shapes()));
+    if (wanted.dmig) write_file(".bdf", bulk_data());
     if (wanted.mtx) {
       market("_k.mtx", r_.stiffness, "stiffness");
       market("_m.mtx", r_.mass, "mass");
       if (!r_.damping.empty()) market("_c.mtx", r_.damping, "damping");
     }
-    if (wanted.npz) put(".npz", arrays());
-    put(".json", map());
+    if (wanted.npz) write_file(".npz", arrays());
+    write_file(".json", map());
     return files_;
   }
 
@@ -48,7 +48,7 @@ class ReducedWriter {
     return all;
   }
 
-  void put(const char* end, const std::string& content) {
+  void write_file(const char* end, const std::string& content) {
     base::OutputFile out(stem_ + end);
     out.write(content);
     out.commit();

@@ -16,8 +16,8 @@ struct Off {
        control_limits = false;
 
   /// @param part  a joint or tendon
-  template <class Part>
-  void clear(Part& part) const {
+  template <class Element>
+  void clear(Element& part) const {
     if (springs) part.stiffness = 0;
     if (dampers) part.damping = 0;
     if (friction) part.friction = 0;

@@ -115,7 +115,7 @@ class RestartFile {
                     "with what differs:{}",
                     list));
   }
-  void take_up(Mechanism& mechanism, Integrator& integrator) const {
+  void restore(Mechanism& mechanism, Integrator& integrator) const {
     ConstSpan rest = numbers_;
     try {
       integrator.restore(rest);
@@ -166,7 +166,7 @@ void write_restart(const std::string& path, Mechanism& mechanism, Integrator& in
 void take_restart_bytes(std::string_view bytes, const std::string& name, Mechanism& mechanism, Integrator& integrator) {
   const RestartFile file(name, bytes);
   (void)file.compare(mechanism, false);
-  file.take_up(mechanism, integrator);
+  file.restore(mechanism, integrator);
 }
 
 std::vector<std::string> read_restart(const std::string& path, bool accept_changes, Mechanism& mechanism,
@@ -174,7 +174,7 @@ std::vector<std::string> read_restart(const std::string& path, bool accept_chang
   const matrix::FileBytes bytes(path, kAnyFormat);
   const RestartFile file("restart file " + path, bytes.bytes());
   std::vector<std::string> accepted = file.compare(mechanism, accept_changes);
-  file.take_up(mechanism, integrator);
+  file.restore(mechanism, integrator);
   return accepted;
 }
 

@@ -41,7 +41,7 @@ void Runner::meet_impacts() {
 }
 
 bool Runner::erode() {
-  if (mechanism_->erosion == nullptr || !mechanism_->erosion->look(current())) return false;
+  if (mechanism_->erosion == nullptr || !mechanism_->erosion->find_failing(current())) return false;
   state_ = current();
   mechanism_->erosion->fail(*equations_, state_);
   make_consistent(*equations_, state_);

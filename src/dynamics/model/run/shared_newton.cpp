@@ -9,7 +9,7 @@
 
 #include "dynamics/model/run/newton_solver.hpp"
 #include "espalier/dynamics.hpp"
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 #include "solver/ranks/on_all_ranks.hpp"
 
 namespace espalier::dynamics::model {
@@ -27,14 +27,16 @@ struct Announcement {
 
 std::vector<std::byte> packed(const Announcement& a) {
   std::vector<std::byte> bytes;
-  const auto put = [&bytes](std::span<const std::byte> part) { bytes.insert(bytes.end(), part.begin(), part.end()); };
+  const auto append = [&bytes](std::span<const std::byte> part) {
+    bytes.insert(bytes.end(), part.begin(), part.end());
+  };
   const std::int64_t head[] = {static_cast<std::int64_t>(a.call), a.solver, a.number};
-  put(std::as_bytes(std::span(head)));
+  append(std::as_bytes(std::span(head)));
   for (const auto& [key, value] : a.options)
     for (const std::string& text : {key, value}) {
       const auto length = static_cast<std::int64_t>(text.size());
-      put(std::as_bytes(std::span(&length, 1)));
-      put(std::as_bytes(std::span(text)));
+      append(std::as_bytes(std::span(&length, 1)));
+      append(std::as_bytes(std::span(text)));
     }
   return bytes;
 }

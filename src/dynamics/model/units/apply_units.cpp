@@ -48,7 +48,7 @@ class UnitApplier {
           fmt::format("\"{}\" has a unit, and the model does not say what its numbers are in: write units = \"SI\" (m, "
                       "kg, s) or \"mm-t-s\" (N, MPa) at its top",
                       excerpt(value.text)));
-    const Unit unit = unit_in(value, *written, dimensions);
+    const PhysicalUnit unit = unit_in(value, *written, dimensions);
     if (written->number.front() == '[') {
       list(value, std::string(written->number), unit, dimensions);
     } else {
@@ -72,9 +72,9 @@ class UnitApplier {
     }
   }
 
-  [[nodiscard]] Unit unit_in(const Value& value, const WrittenValue& written,
-                             const std::vector<std::string>& dimensions) const {
-    Unit unit;
+  [[nodiscard]] PhysicalUnit unit_in(const Value& value, const WrittenValue& written,
+                                     const std::vector<std::string>& dimensions) const {
+    PhysicalUnit unit;
     try {
       unit = parse_unit(written.unit);
     } catch (const std::invalid_argument& error) {
@@ -92,7 +92,8 @@ class UnitApplier {
                            is, wanted == "degree" ? "angle" : wanted, example));
   }
 
-  [[nodiscard]] double converted(double number, const Unit& unit, const std::vector<std::string>& dimensions) const {
+  [[nodiscard]] double converted(double number, const PhysicalUnit& unit,
+                                 const std::vector<std::string>& dimensions) const {
     const double own = units_->from(number, unit);
     return dimensions.front() == "degree" && unit.dimension.angle == 1 ? own * 180 / std::numbers::pi : own;
   }
@@ -105,7 +106,7 @@ class UnitApplier {
     }
   }
 
-  void list(Value& value, const std::string& number, const Unit& unit,
+  void list(Value& value, const std::string& number, const PhysicalUnit& unit,
             const std::vector<std::string>& dimensions) const {
     Value items;
     try {
@@ -120,7 +121,7 @@ class UnitApplier {
     value.text.clear();
   }
 
-  void convert_items(Value& item, const Value& whole, const std::string& path, const Unit& unit,
+  void convert_items(Value& item, const Value& whole, const std::string& path, const PhysicalUnit& unit,
                      const std::vector<std::string>& dimensions) const {
     item.place = {whole.place.file, whole.place.line, path};
     item.scope = whole.scope;

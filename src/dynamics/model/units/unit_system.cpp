@@ -18,71 +18,71 @@ constexpr Dimension kNone{}, kMass{1, 0, 0, 0}, kLength{0, 1, 0, 0}, kTime{0, 0,
     kForce{1, 1, -2, 0}, kPressure{1, -1, -2, 0}, kEnergy{1, 2, -2, 0}, kPower{1, 2, -3, 0}, kFrequency{0, 0, -1, 0},
     kAngularSpeed{0, 0, -1, 1}, kAcceleration{0, 1, -2, 0};
 
-struct NamedUnit {
+struct NamedPhysicalUnit {
   std::string_view name;
-  Unit unit;
+  PhysicalUnit unit;
 };
 
 // The pound is 0.45359237 kg, standard gravity 9.80665 m/s^2, the inch 0.0254 m; the others follow.
 constexpr double kPound = 0.45359237, kGravity = 9.80665, kInch = 0.0254, kPoundForce = kPound * kGravity;
 
 constexpr std::array kUnits = {
-    NamedUnit{"m", {1, 0, kLength}},
-    NamedUnit{"km", {1, 3, kLength}},
-    NamedUnit{"dm", {1, -1, kLength}},
-    NamedUnit{"cm", {1, -2, kLength}},
-    NamedUnit{"mm", {1, -3, kLength}},
-    NamedUnit{"um", {1, -6, kLength}},
-    NamedUnit{"\u00b5m", {1, -6, kLength}},
-    NamedUnit{"\u03bcm", {1, -6, kLength}},
-    NamedUnit{"nm", {1, -9, kLength}},
-    NamedUnit{"in", {254, -4, kLength}},
-    NamedUnit{"ft", {3048, -4, kLength}},
-    NamedUnit{"kg", {1, 0, kMass}},
-    NamedUnit{"g", {1, -3, kMass}},
-    NamedUnit{"mg", {1, -6, kMass}},
-    NamedUnit{"t", {1, 3, kMass}},
-    NamedUnit{"lb", {kPound, 0, kMass}},
-    NamedUnit{"slug", {kPoundForce / (12 * kInch), 0, kMass}},
-    NamedUnit{"slinch", {kPoundForce / kInch, 0, kMass}},
-    NamedUnit{"s", {1, 0, kTime}},
-    NamedUnit{"ms", {1, -3, kTime}},
-    NamedUnit{"us", {1, -6, kTime}},
-    NamedUnit{"\u00b5s", {1, -6, kTime}},
-    NamedUnit{"\u03bcs", {1, -6, kTime}},
-    NamedUnit{"min", {60, 0, kTime}},
-    NamedUnit{"h", {3600, 0, kTime}},
-    NamedUnit{"rad", {1, 0, kAngle}},
-    NamedUnit{"mrad", {1, -3, kAngle}},
-    NamedUnit{"deg", {std::numbers::pi / 180, 0, kAngle}},
-    NamedUnit{"\u00b0", {std::numbers::pi / 180, 0, kAngle}},
-    NamedUnit{"rev", {2 * std::numbers::pi, 0, kAngle}},
-    NamedUnit{"rpm", {std::numbers::pi / 30, 0, kAngularSpeed}},
-    NamedUnit{"Hz", {1, 0, kFrequency}},
-    NamedUnit{"kHz", {1, 3, kFrequency}},
-    NamedUnit{"N", {1, 0, kForce}},
-    NamedUnit{"mN", {1, -3, kForce}},
-    NamedUnit{"kN", {1, 3, kForce}},
-    NamedUnit{"MN", {1, 6, kForce}},
-    NamedUnit{"lbf", {kPoundForce, 0, kForce}},
-    NamedUnit{"kgf", {kGravity, 0, kForce}},
-    NamedUnit{"Pa", {1, 0, kPressure}},
-    NamedUnit{"kPa", {1, 3, kPressure}},
-    NamedUnit{"MPa", {1, 6, kPressure}},
-    NamedUnit{"GPa", {1, 9, kPressure}},
-    NamedUnit{"bar", {1, 5, kPressure}},
-    NamedUnit{"psi", {kPoundForce / (kInch * kInch), 0, kPressure}},
-    NamedUnit{"ksi", {kPoundForce / (kInch * kInch), 3, kPressure}},
-    NamedUnit{"J", {1, 0, kEnergy}},
-    NamedUnit{"mJ", {1, -3, kEnergy}},
-    NamedUnit{"kJ", {1, 3, kEnergy}},
-    NamedUnit{"MJ", {1, 6, kEnergy}},
-    NamedUnit{"W", {1, 0, kPower}},
-    NamedUnit{"mW", {1, -3, kPower}},
-    NamedUnit{"kW", {1, 3, kPower}},
-    NamedUnit{"MW", {1, 6, kPower}},
-    NamedUnit{"gn", {kGravity, 0, kAcceleration}},
-    NamedUnit{"%", {1, -2, kNone}},
+    NamedPhysicalUnit{"m", {1, 0, kLength}},
+    NamedPhysicalUnit{"km", {1, 3, kLength}},
+    NamedPhysicalUnit{"dm", {1, -1, kLength}},
+    NamedPhysicalUnit{"cm", {1, -2, kLength}},
+    NamedPhysicalUnit{"mm", {1, -3, kLength}},
+    NamedPhysicalUnit{"um", {1, -6, kLength}},
+    NamedPhysicalUnit{"\u00b5m", {1, -6, kLength}},
+    NamedPhysicalUnit{"\u03bcm", {1, -6, kLength}},
+    NamedPhysicalUnit{"nm", {1, -9, kLength}},
+    NamedPhysicalUnit{"in", {254, -4, kLength}},
+    NamedPhysicalUnit{"ft", {3048, -4, kLength}},
+    NamedPhysicalUnit{"kg", {1, 0, kMass}},
+    NamedPhysicalUnit{"g", {1, -3, kMass}},
+    NamedPhysicalUnit{"mg", {1, -6, kMass}},
+    NamedPhysicalUnit{"t", {1, 3, kMass}},
+    NamedPhysicalUnit{"lb", {kPound, 0, kMass}},
+    NamedPhysicalUnit{"slug", {kPoundForce / (12 * kInch), 0, kMass}},
+    NamedPhysicalUnit{"slinch", {kPoundForce / kInch, 0, kMass}},
+    NamedPhysicalUnit{"s", {1, 0, kTime}},
+    NamedPhysicalUnit{"ms", {1, -3, kTime}},
+    NamedPhysicalUnit{"us", {1, -6, kTime}},
+    NamedPhysicalUnit{"\u00b5s", {1, -6, kTime}},
+    NamedPhysicalUnit{"\u03bcs", {1, -6, kTime}},
+    NamedPhysicalUnit{"min", {60, 0, kTime}},
+    NamedPhysicalUnit{"h", {3600, 0, kTime}},
+    NamedPhysicalUnit{"rad", {1, 0, kAngle}},
+    NamedPhysicalUnit{"mrad", {1, -3, kAngle}},
+    NamedPhysicalUnit{"deg", {std::numbers::pi / 180, 0, kAngle}},
+    NamedPhysicalUnit{"\u00b0", {std::numbers::pi / 180, 0, kAngle}},
+    NamedPhysicalUnit{"rev", {2 * std::numbers::pi, 0, kAngle}},
+    NamedPhysicalUnit{"rpm", {std::numbers::pi / 30, 0, kAngularSpeed}},
+    NamedPhysicalUnit{"Hz", {1, 0, kFrequency}},
+    NamedPhysicalUnit{"kHz", {1, 3, kFrequency}},
+    NamedPhysicalUnit{"N", {1, 0, kForce}},
+    NamedPhysicalUnit{"mN", {1, -3, kForce}},
+    NamedPhysicalUnit{"kN", {1, 3, kForce}},
+    NamedPhysicalUnit{"MN", {1, 6, kForce}},
+    NamedPhysicalUnit{"lbf", {kPoundForce, 0, kForce}},
+    NamedPhysicalUnit{"kgf", {kGravity, 0, kForce}},
+    NamedPhysicalUnit{"Pa", {1, 0, kPressure}},
+    NamedPhysicalUnit{"kPa", {1, 3, kPressure}},
+    NamedPhysicalUnit{"MPa", {1, 6, kPressure}},
+    NamedPhysicalUnit{"GPa", {1, 9, kPressure}},
+    NamedPhysicalUnit{"bar", {1, 5, kPressure}},
+    NamedPhysicalUnit{"psi", {kPoundForce / (kInch * kInch), 0, kPressure}},
+    NamedPhysicalUnit{"ksi", {kPoundForce / (kInch * kInch), 3, kPressure}},
+    NamedPhysicalUnit{"J", {1, 0, kEnergy}},
+    NamedPhysicalUnit{"mJ", {1, -3, kEnergy}},
+    NamedPhysicalUnit{"kJ", {1, 3, kEnergy}},
+    NamedPhysicalUnit{"MJ", {1, 6, kEnergy}},
+    NamedPhysicalUnit{"W", {1, 0, kPower}},
+    NamedPhysicalUnit{"mW", {1, -3, kPower}},
+    NamedPhysicalUnit{"kW", {1, 3, kPower}},
+    NamedPhysicalUnit{"MW", {1, 6, kPower}},
+    NamedPhysicalUnit{"gn", {kGravity, 0, kAcceleration}},
+    NamedPhysicalUnit{"%", {1, -2, kNone}},
 };
 
 constexpr std::pair<std::string_view, Dimension> kBaseWords[] = {
@@ -93,7 +93,7 @@ Dimension plus(const Dimension& a, const Dimension& b, double factor) {
 }
 
 /// One factor of a product: a name, or the number 1, with its exponent, negative behind a '/'.
-struct Part {
+struct UnitFactor {
   std::string_view name;
   double exponent = 1;
 };
@@ -123,8 +123,8 @@ double take_exponent(std::string_view& text) {
 }
 
 /// "kg m^2/s" and "force*length/angle" alike.
-std::vector<Part> product_of(std::string_view text) {
-  std::vector<Part> parts;
+std::vector<UnitFactor> product_of(std::string_view text) {
+  std::vector<UnitFactor> parts;
   double sign = 1;
   bool marked = true;  // a factor has to follow
   while (!text.empty()) {
@@ -148,7 +148,7 @@ std::vector<Part> product_of(std::string_view text) {
         ++end;
     }
     if (end == 0) throw std::invalid_argument(fmt::format("'{}' is no unit", text));
-    Part part{text.substr(0, end), sign};
+    UnitFactor part{text.substr(0, end), sign};
     text.remove_prefix(end);
     part.exponent *= take_exponent(text);
     constexpr double kLargest = 20;
@@ -162,10 +162,10 @@ std::vector<Part> product_of(std::string_view text) {
   return parts;
 }
 
-Unit unit_named(std::string_view name) {
+PhysicalUnit unit_named(std::string_view name) {
   if (name == "1") return {};
   std::vector<std::string> names;
-  for (const NamedUnit& known : kUnits) {
+  for (const NamedPhysicalUnit& known : kUnits) {
     if (known.name == name) return known.unit;
     names.emplace_back(known.name);
   }
@@ -174,10 +174,10 @@ Unit unit_named(std::string_view name) {
       fmt::format("unknown unit '{}'{}", excerpt(name), near.empty() ? "" : fmt::format("; did you mean '{}'?", near)));
 }
 
-Unit product(const std::vector<Part>& parts) {
-  Unit result;
-  for (const Part& part : parts) {
-    const Unit unit = unit_named(part.name);
+PhysicalUnit product(const std::vector<UnitFactor>& parts) {
+  PhysicalUnit result;
+  for (const UnitFactor& part : parts) {
+    const PhysicalUnit unit = unit_named(part.name);
     const double power = unit.power * part.exponent;
     if (power == std::floor(power))
       result.power += static_cast<int>(power);
@@ -197,9 +197,9 @@ std::string with_exponent(std::string_view name, double exponent) {
 }
 
 /// "kg*m/s^2" of names with exponents; "1" of none.
-std::string joined_product(const std::vector<Part>& parts) {
+std::string joined_product(const std::vector<UnitFactor>& parts) {
   std::string above, below;
-  for (const Part& part : parts) {
+  for (const UnitFactor& part : parts) {
     if (part.exponent == 0 || part.name == "1") continue;
     if (part.exponent > 0)
       above += (above.empty() ? "" : "*") + with_exponent(part.name, part.exponent);
@@ -242,7 +242,7 @@ std::size_t number_length(std::string_view text) {
 
 Dimension parse_dimension(std::string_view words) {
   Dimension result;
-  for (const Part& part : product_of(words)) {
+  for (const UnitFactor& part : product_of(words)) {
     if (part.name == "1") continue;
     bool found = false;
     for (const auto& [word, dimension] : kBaseWords)
@@ -268,7 +268,7 @@ std::string dimension_words(const Dimension& d) {
   return text == "1" ? "number" : text;
 }
 
-Unit parse_unit(std::string_view text) { return product(product_of(trimmed(text))); }
+PhysicalUnit parse_unit(std::string_view text) { return product(product_of(trimmed(text))); }
 
 std::optional<WrittenValue> written_value(std::string_view text) {
   text = trimmed(text);
@@ -300,7 +300,7 @@ UnitSystem::UnitSystem(std::string name) : name_(std::move(name)) {
     const std::size_t to = std::min(text.find('-', from), text.size());
     const std::string part = text.substr(from, to - from);
     from = to + 1;
-    Unit unit;
+    PhysicalUnit unit;
     try {
       unit = unit_named(part);
     } catch (const std::invalid_argument& error) {
@@ -319,12 +319,12 @@ UnitSystem::UnitSystem(std::string name) : name_(std::move(name)) {
     if (given.empty()) refuse("");
 }
 
-Unit UnitSystem::own(const Dimension& d) const {
+PhysicalUnit UnitSystem::own(const Dimension& d) const {
   return product({{names_[0], d.length}, {names_[1], d.mass}, {names_[2], d.time}, {"rad", d.angle}});
 }
 
-double UnitSystem::from(double value, const Unit& unit) const {
-  const Unit base = own(unit.dimension);
+double UnitSystem::from(double value, const PhysicalUnit& unit) const {
+  const PhysicalUnit base = own(unit.dimension);
   const double mantissa = unit.mantissa == base.mantissa ? 1 : unit.mantissa / base.mantissa;
   const int power = unit.power - base.power;
   const double scaled = value * mantissa;
@@ -336,11 +336,11 @@ std::string UnitSystem::unit_of(std::string_view words) const {
   const Dimension dimension = parse_dimension(words);
   constexpr double kSame = 1e-12;
   const auto name_of_own = [&](const Dimension& d) -> std::string {
-    const Unit base = own(d);
+    const PhysicalUnit base = own(d);
     if (d == kLength) return names_[0];
     if (d == kMass) return names_[1];
     if (d == kTime) return names_[2];
-    for (const NamedUnit& known : kUnits) {
+    for (const NamedPhysicalUnit& known : kUnits) {
       if (!(known.unit.dimension == d) || d == kNone || d == kAcceleration) continue;
       const double ratio = known.unit.mantissa / base.mantissa * std::pow(10.0, known.unit.power - base.power);
       if (std::abs(ratio - 1) < kSame) return std::string(known.name);
@@ -353,7 +353,7 @@ std::string UnitSystem::unit_of(std::string_view words) const {
     if (std::string whole = name_of_own(dimension); !whole.empty()) return whole;
   // Word by word: "force*length" is N*mm.
   std::vector<std::pair<std::string, double>> named;
-  for (const Part& part : product_of(words)) {
+  for (const UnitFactor& part : product_of(words)) {
     if (part.name == "1") continue;
     const Dimension d = parse_dimension(part.name);
     const std::string name = name_of_own(d);
@@ -364,7 +364,7 @@ std::string UnitSystem::unit_of(std::string_view words) const {
            {std::pair{names_[1], d.mass}, std::pair{names_[0], d.length}, std::pair{names_[2], d.time}})
         named.emplace_back(base, exponent * part.exponent);
   }
-  std::vector<Part> parts;
+  std::vector<UnitFactor> parts;
   for (const auto& [name, exponent] : named) parts.push_back({name, exponent});
   return joined_product(parts);
 }

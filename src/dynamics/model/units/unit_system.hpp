@@ -22,14 +22,14 @@ struct Dimension {
 [[nodiscard]] std::string dimension_words(const Dimension& dimension);
 
 /// A unit: mantissa 10^power of the unit of SI. Both apart, so that metric prefixes are exact.
-struct Unit {
+struct PhysicalUnit {
   double mantissa = 1;
   int power = 0;
   Dimension dimension;
 };
 
 /// "N/mm^2", "kg m2", "rpm", "1/s". @throws std::invalid_argument that says which part is no unit
-[[nodiscard]] Unit parse_unit(std::string_view text);
+[[nodiscard]] PhysicalUnit parse_unit(std::string_view text);
 
 /// A text that is a number and a unit, "0.54 kg", or a list of numbers and a unit, "[3, 0, 0] mm".
 struct WrittenValue {
@@ -46,16 +46,16 @@ class UnitSystem {
   /// @throws std::invalid_argument that says what is wrong
   explicit UnitSystem(std::string name);
   [[nodiscard]] const std::string& name() const { return name_; }
-  [[nodiscard]] double from(double value, const Unit& unit) const;
+  [[nodiscard]] double from(double value, const PhysicalUnit& unit) const;
   /// The system's own unit of a dimension: "MPa" of "force/length^2" in "mm-t-s". Empty for "".
   [[nodiscard]] std::string unit_of(std::string_view dimension_words) const;
 
  private:
   /// The unit of a dimension in SI.
-  [[nodiscard]] Unit own(const Dimension& dimension) const;
+  [[nodiscard]] PhysicalUnit own(const Dimension& dimension) const;
   std::string name_;
   std::string names_[3];
-  Unit length_, mass_, time_;
+  PhysicalUnit length_, mass_, time_;
 };
 
 /// A default of ours, a number of SI, in the units of a model. @param units  a system's name; "": none is stated, SI's

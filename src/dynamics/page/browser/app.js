@@ -185,7 +185,7 @@ class App {
     return `Scene of ${this.film.bodies.length} bodies (${names}${this.film.bodies.length > 12 ? ' and others' : ''}) at ${this.statics ? 'load factor' : 'time'} ${shortNumber(t, 5)}`;
   }
 
-  look(side) { if (this.stage) this.stage.look(side); }
+  viewFrom(side) { if (this.stage) this.stage.viewFrom(side); }
   zoom(factor) {
     if (!this.stage) return;
     const {camera, controls} = this.stage;

@@ -12,7 +12,7 @@ function connectStage(app) {
   byId('factor').addEventListener('input', () => app.redraw());
   byId('fit').addEventListener('click', () => stage.fit());
   byId('directions').replaceChildren(...['x', 'y', 'z', '-x', '-y', '-z', 'corner'].map(side => element('button', {type: 'button', 'aria-label': `From ${side}`,
-    onclick: () => stage.look(side)}, side)));
+    onclick: () => stage.viewFrom(side)}, side)));
   const flag = (id, act) => { const box = byId(id); box.addEventListener('change', () => { act(box.checked); stage.touch(); }); act(box.checked); };
   const again = () => { if (app.rows && !app.swinging()) marks.show(app.rows); };
   byId('show-edges').checked = film.scene.triangles < 30000;

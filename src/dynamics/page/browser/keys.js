@@ -8,7 +8,7 @@ function listenToKeys(app) {
   const press = id => () => byId(id).click();
   const actions = {' ': () => app.timeline.toggle(), ArrowLeft: () => app.timeline.step(-1), ArrowRight: () => app.timeline.step(1), Home: () => app.timeline.end(0),
     End: () => app.timeline.end(1), f: () => app.stage && app.stage.fit(), g: press('show-ghost'), m: press('show-edges'), d: press('theme'), Escape: () => app.forget(),
-    1: () => app.look('x'), 2: () => app.look('y'), 3: () => app.look('z'), 4: () => app.look('corner'), '+': () => app.zoom(0.85), '=': () => app.zoom(0.85), '-': () => app.zoom(1 / 0.85)};
+    1: () => app.viewFrom('x'), 2: () => app.viewFrom('y'), 3: () => app.viewFrom('z'), 4: () => app.viewFrom('corner'), '+': () => app.zoom(0.85), '=': () => app.zoom(0.85), '-': () => app.zoom(1 / 0.85)};
   const turns = {ArrowLeft: [-0.1, 0], ArrowRight: [0.1, 0], ArrowUp: [0, -0.1], ArrowDown: [0, 0.1]};
   document.addEventListener('keydown', event => {
     if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA|SUMMARY)$/.test(event.target.tagName)) return;

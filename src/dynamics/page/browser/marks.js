@@ -52,7 +52,7 @@ class Marks {
     const counts = new Map(), {stage, size} = this, c = stage.centre;
     for (const {mesh} of this.glyphs) counts.set(mesh, 0);
     for (const {shaft, head} of this.arrows) { counts.set(shaft, 0); counts.set(head, 0); }
-    const put = (mesh, matrix) => { const k = counts.get(mesh); mesh.setMatrixAt(k, matrix); counts.set(mesh, k + 1); };
+    const addMatrix = (mesh, matrix) => { const k = counts.get(mesh); mesh.setMatrixAt(k, matrix); counts.set(mesh, k + 1); };
     const vector = (name, k) => new THREE.Vector3(rows[name][3 * k], rows[name][3 * k + 1], rows[name][3 * k + 2]);
     const upright = new THREE.Vector3(0, 1, 0), springs = [];
     const arrow = (kind, from, v, most, heads) => {
@@ -60,8 +60,8 @@ class Marks {
       const length = this.reach * this.scale * v.length() / most, turn = new THREE.Quaternion().setFromUnitVectors(upright, v.clone().normalize());
       const {shaft, head} = this.arrows.find(a => a.kind === kind), thick = 0.5 * size * Math.min(1, Math.max(0.25, length / (6 * size)));
       const tip = from.clone().addScaledVector(v.clone().normalize(), length);
-      put(shaft, new THREE.Matrix4().compose(from, turn, new THREE.Vector3(thick, Math.max(1e-6 * size, length - 1.7 * thick), thick)));
-      for (let k = 0; k < heads; ++k) put(head, new THREE.Matrix4().compose(tip.clone().addScaledVector(v.clone().normalize(), -1.1 * k * thick), turn, new THREE.Vector3(thick, thick, thick)));
+      addMatrix(shaft, new THREE.Matrix4().compose(from, turn, new THREE.Vector3(thick, Math.max(1e-6 * size, length - 1.7 * thick), thick)));
+      for (let k = 0; k < heads; ++k) addMatrix(head, new THREE.Matrix4().compose(tip.clone().addScaledVector(v.clone().normalize(), -1.1 * k * thick), turn, new THREE.Vector3(thick, thick, thick)));
     };
     this.marks.forEach((mark, k) => {
       let at = vector('b', k).sub(c);
@@ -70,7 +70,7 @@ class Marks {
       const glyph = Marks.glyphOf(mark);
       if (this.joints && glyph && Number.isFinite(at.x)) {
         const turn = new THREE.Quaternion().setFromUnitVectors(upright, axis.length() > 0.5 ? axis.normalize() : glyph === 'foot' ? stage.up : upright);
-        put(this.glyphs.find(g => g.name === glyph).mesh, new THREE.Matrix4().compose(at, turn, new THREE.Vector3(size, size, size)));
+        addMatrix(this.glyphs.find(g => g.name === glyph).mesh, new THREE.Matrix4().compose(at, turn, new THREE.Vector3(size, size, size)));
       }
       if (this.joints && from.distanceTo(at) > 1e-3 * stage.size && /spring|bushing|distance|link|revolute-spherical|cable/.test(mark.kind))
         springs.push(...(/spring|bushing/.test(mark.kind) ? coil(from, at, size) : [from, at]));

@@ -62,7 +62,7 @@ class Stage {
     this.controls.addEventListener('change', () => this.touch());
     this.time = film.times.length ? film.times[0] : 0;
     this.indexBodies();
-    this.look(this.bestSide());
+    this.viewFrom(this.bestSide());
   }
 
   /** Coordinates about the middle of the scene. */
@@ -138,7 +138,7 @@ class Stage {
   }
 
   /** From a side: x, y, z, -x, -y, -z, or a corner. */
-  look(side) {
+  viewFrom(side) {
     const sign = side.startsWith('-') ? -1 : 1, axis = side.replace('-', '');
     let from = new THREE.Vector3(1, -1.6, 0.9);
     if (axis !== 'corner') from = new THREE.Vector3(axis === 'x' ? sign : 0, axis === 'y' ? -sign : 0, axis === 'z' ? sign : 0);

@@ -111,7 +111,7 @@ cudaError_t FactorKernel<T, K, Half>::takes_two_columns(bool& takes) {
 }
 
 template <class T, Kind K, bool Half>
-cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_elements, LaunchShape& shape) {
+cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_elements, LaunchConfiguration& shape) {
   int device = 0, multiprocessors = 0, per_multiprocessor = 0, per_block = 0;
   if (const auto e = cudaGetDevice(&device)) return e;
   if (const auto e = cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device)) return e;
@@ -149,7 +149,7 @@ cudaError_t FactorKernel<T, K, Half>::shape_for(bool wide, std::size_t whole_ele
 }
 
 template <class T, Kind K, bool Half>
-cudaError_t FactorKernel<T, K, Half>::launch(bool wide, const LaunchShape& shape, const FactorState<T>& state,
+cudaError_t FactorKernel<T, K, Half>::launch(bool wide, const LaunchConfiguration& shape, const FactorState<T>& state,
                                              int first, int end, int n, cudaStream_t stream, int pair_sign) {
   return dispatch<T, K, Half>(wide, [&](auto* kernel) {
     const int blocks = std::min(shape.blocks, end - first);

@@ -71,7 +71,7 @@ template <class T>
 struct FactorState {
   const Front* fronts;
   const FactorTask* tasks;
-  const Link* links;
+  const ChildRows* links;
   const std::int32_t* bounds;
   const std::int32_t* waits;
   const std::int32_t* relative;   ///< Plan::relative

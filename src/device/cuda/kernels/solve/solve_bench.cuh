@@ -207,7 +207,7 @@ __device__ void find_children(const SolveState<T>& s, const Front& f, ChildList&
   const int lane = lane_of_thread();
   int r0 = 0, r1 = 0;
   std::int64_t rows = 0;
-  const Link link = base + lane < f.link_end ? s.links[base + lane] : Link{-1, 0, 0};
+  const ChildRows link = base + lane < f.link_end ? s.links[base + lane] : ChildRows{-1, 0, 0};
   if (link.child >= 0 && (s.marks == nullptr || (s.marks[link.child] & kPathUp) != 0)) {  // else it has left zeros
     r0 = s.bounds[link.bound + tile];
     r1 = s.bounds[link.bound + tile_end];

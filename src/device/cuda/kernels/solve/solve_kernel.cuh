@@ -24,7 +24,7 @@ struct SolveState {
   int small_up;                ///< the first tasks of `up`: sub-trees of small fronts only
   int small_down;              ///< the last tasks of `down`: likewise
   const unsigned char* marks;  ///< fronts; PathMark. Null: all fronts are passed
-  const Link* links;
+  const ChildRows* links;
   const std::int32_t* bounds;
   const std::int32_t* relative;
   const std::int32_t* rows;  ///< AssemblyTree::rows
@@ -66,7 +66,7 @@ cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t s
 
 /// Launch shapes of each phase (small fronts up, all others, small fronts down) for tasks of one right-hand side, of
 /// kSlab, and of two times as many (large fronts only).
-struct SolveShape {
+struct SolveLaunches {
   int blocks[3][3] = {};  ///< that are resident at the same time
   int bytes[3][3] = {};   ///< of shared memory of each
 };
@@ -74,9 +74,9 @@ struct SolveShape {
 template <class T>
 struct SolveKernel {
   /// For the current device.
-  static cudaError_t resident(SolveShape& shape);
+  static cudaError_t resident(SolveLaunches& shape);
   /// One pass, for state.pass right-hand sides from state.first_column on.
-  static cudaError_t launch(const SolveShape& shape, const SolveState<T>& state, cudaStream_t stream);
+  static cudaError_t launch(const SolveLaunches& shape, const SolveState<T>& state, cudaStream_t stream);
 };
 
 }  // namespace espalier::device::cuda

@@ -154,7 +154,7 @@ cudaError_t for_each_phase(Use&& use) {
 }  // namespace
 
 template <class T>
-cudaError_t SolveKernel<T>::resident(SolveShape& shape) {
+cudaError_t SolveKernel<T>::resident(SolveLaunches& shape) {
   return for_each_phase([&](auto phase, int p) {
     constexpr Phase kPhase = decltype(phase)::value;
     if (const auto e = ask_resident<T, 1, kPhase>(shape.blocks[0][p], shape.bytes[0][p])) return e;
@@ -173,7 +173,7 @@ cudaError_t launch_copy(T* to, const T* from, std::int64_t count, cudaStream_t s
 }
 
 template <class T>
-cudaError_t SolveKernel<T>::launch(const SolveShape& shape, const SolveState<T>& s, cudaStream_t stream) {
+cudaError_t SolveKernel<T>::launch(const SolveLaunches& shape, const SolveState<T>& s, cudaStream_t stream) {
   return for_each_phase([&](auto phase, int p) {
     constexpr Phase kPhase = decltype(phase)::value;
     if (s.pass == 1) return start<T, 1, kPhase>(shape.blocks[0][p], shape.bytes[0][p], s, stream);

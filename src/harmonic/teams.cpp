@@ -1,4 +1,4 @@
-#include "harmonic/lanes.hpp"
+#include "harmonic/teams.hpp"
 
 #include <fmt/format.h>
 
@@ -29,11 +29,11 @@ Options solver_options(const Options& from) {
   return o;
 }
 
-// Lanes beside each other do not call back, but for the one of the thread that called, which asks whether to stop for
+// Teams beside each other do not call back, but for the one of the thread that called, which asks whether to stop for
 // all; and they share what memory there is.
-Options options_of_lane(Options o, int threads, int lanes, base::Interruption& interruption) {
+Options options_of_team(Options o, int threads, int teams, base::Interruption& interruption) {
   o.threads = threads;
-  if (lanes == 1) return o;
+  if (teams == 1) return o;
   o.log = nullptr;
   if (o.interrupted)
     o.interrupted = [&interruption] {
@@ -44,7 +44,7 @@ Options options_of_lane(Options o, int threads, int lanes, base::Interruption& i
         return true;
       }
     };
-  if (o.host_memory_bytes > 0) o.host_memory_bytes = std::max<Offset>(1, o.host_memory_bytes / lanes);
+  if (o.host_memory_bytes > 0) o.host_memory_bytes = std::max<Offset>(1, o.host_memory_bytes / teams);
   return o;
 }
 
@@ -63,7 +63,7 @@ SolveResult solved(Session& s, const Complex* b, Complex* x, Index columns) {
 
 }  // namespace
 
-Lanes::Lane::Lane(const Options& options, const solver::SharedAnalysis& analysis) : session(options) {
+Teams::Team::Team(const Options& options, const solver::SharedAnalysis& analysis) : session(options) {
   if (analysis == nullptr) return;
   solver::Values values;
   const solver::System& system = *analysis->system;
@@ -71,13 +71,13 @@ Lanes::Lane::Lane(const Options& options, const solver::SharedAnalysis& analysis
   session.factor.emplace(analysis, std::move(values), session.context);
 }
 
-Lanes::Lanes(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-             modes::Workshop& shop, HarmonicResult& result)
+Teams::Teams(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
+             modes::Resources& shop, HarmonicResult& result)
     : z_(z), loads_(loads), columns_(columns), shop_(shop), result_(result), options_(solver_options(options.solver)) {}
 
-void Lanes::begin(double frequency) {
+void Teams::begin(double frequency) {
   const base::Stopwatch watch(result_.seconds.analysis);
-  whole_ = std::make_unique<Lane>(options_of_lane(options_, shop_.pool.size(), 1, shop_.interruption), nullptr);
+  whole_ = std::make_unique<Team>(options_of_team(options_, shop_.pool.size(), 1, shop_.interruption), nullptr);
   z_.evaluate(2 * std::numbers::pi * frequency, whole_->z);
   try {
     whole_->session.analyze(solver::given(z_.view(whole_->z)));
@@ -92,7 +92,7 @@ void Lanes::begin(double frequency) {
 }
 
 // Several at a time pay where the threads have too little to do in one factor, and where memory is no matter.
-int Lanes::most_lanes() const {
+int Teams::most_teams() const {
   // Of a factorization, for each thread. Elasticity with two threads of two cores, 30 frequencies: 2e8 to 3e9
   // operations take 5 to 15 % less time side by side, 6e9 take 5 % more (design/harmonic.md).
   constexpr double kMostFlops = 2e9;
@@ -107,14 +107,14 @@ int Lanes::most_lanes() const {
   return static_cast<int>(std::clamp(fit, 1.0, static_cast<double>(shop_.pool.size())));
 }
 
-Lanes::Lane& Lanes::fresh(std::unique_ptr<Lane>& lane, int threads, int beside) {
-  if (lane == nullptr || !lane->session.factor->like_new())
-    lane = std::make_unique<Lane>(options_of_lane(options_, threads, beside, shop_.interruption), analysis_);
-  return *lane;
+Teams::Team& Teams::fresh(std::unique_ptr<Team>& team, int threads, int beside) {
+  if (team == nullptr || !team->session.factor->like_new())
+    team = std::make_unique<Team>(options_of_team(options_, threads, beside, shop_.interruption), analysis_);
+  return *team;
 }
 
 // The largest relative change of a solution that rounding of the entries of Z may cause, to its order of magnitude.
-double Lanes::rounding_of(Lane& lane, double w, const std::vector<Complex>& x, double z_norm, Answer& out) const {
+double Teams::rounding_of(Team& team, double w, const std::vector<Complex>& x, double z_norm, Answer& out) const {
   constexpr double kEps = std::numeric_limits<double>::epsilon();
   // |Z| |x| / |f| is a lower bound of the condition: where that is harmless, nothing more is looked at.
   constexpr double kWorthALook = 1e-9;
@@ -126,7 +126,7 @@ double Lanes::rounding_of(Lane& lane, double w, const std::vector<Complex>& x, d
     if (!std::isfinite(size)) return size;
     if (!(size * z_norm * kEps > kWorthALook * largest(loads_.subspan(c * n, n)))) continue;
     z_.magnitudes(w, x.data() + c * n, d.data());
-    const Status status = solved(lane.session, d.data(), d.data(), 1).status;
+    const Status status = solved(team.session, d.data(), d.data(), 1).status;
     ++out.solved_columns;
     if (!status.ok() && status.code != StatusCode::accuracy_not_reached) throw Error(status);
     worst = std::max(worst, kEps * largest(d) / size);
@@ -134,33 +134,33 @@ double Lanes::rounding_of(Lane& lane, double w, const std::vector<Complex>& x, d
   return worst;
 }
 
-Answer Lanes::solve_one(Lane& lane, double frequency) const {
+Answer Teams::solve_one(Team& team, double frequency) const {
   Answer out;
   const double w = 2 * std::numbers::pi * frequency;
   out.x.assign(loads_.begin(), loads_.end());
-  const Status status = solver::status_of(lane.session.interruption, "use fewer threads", [&] {
-    z_.evaluate(w, lane.z);
+  const Status status = solver::status_of(team.session.interruption, "use fewer threads", [&] {
+    z_.evaluate(w, team.z);
     {
       const base::Stopwatch watch(out.factor_seconds);
-      lane.session.factor->factorize({parts(lane.z.data()), 2 * lane.z.size()});
-      out.status = lane.session.factor->result().status;
+      team.session.factor->factorize({parts(team.z.data()), 2 * team.z.size()});
+      out.status = team.session.factor->result().status;
     }
     if (!out.status.ok()) return;
     const base::Stopwatch watch(out.solve_seconds);
-    const SolveResult r = solved(lane.session, out.x.data(), out.x.data(), columns_);
+    const SolveResult r = solved(team.session, out.x.data(), out.x.data(), columns_);
     out.solved_columns += columns_;
     out.status = r.status;
     out.backward_error = r.backward_error;
-    if (r.status.ok()) out.rounding = rounding_of(lane, w, out.x, z_.norm(w), out);
+    if (r.status.ok()) out.rounding = rounding_of(team, w, out.x, z_.norm(w), out);
   });
   if (!status.ok()) {
-    if (lane.session.factor) lane.session.factor->drop();
+    if (team.session.factor) team.session.factor->drop();
     throw Error(status);
   }
   return out;
 }
 
-std::size_t Lanes::at_a_time() const {
+std::size_t Teams::at_a_time() const {
   constexpr double kMostNumbers = 1 << 23;  // of all solutions
   constexpr double kMost = 32;
   const double numbers = std::max(1.0, static_cast<double>(loads_.size()));
@@ -168,7 +168,7 @@ std::size_t Lanes::at_a_time() const {
                                              std::max(kMost, static_cast<double>(shop_.pool.size()))));
 }
 
-std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
+std::vector<Answer> Teams::solve(std::span<const double> frequencies) {
   std::vector<Answer> out(frequencies.size());
   if (frequencies.empty()) return out;
   base::Stage* const stage = base::Stage::current("frequency response");
@@ -185,7 +185,7 @@ std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
       analysis_ = whole_->session.factor->analysis();
       tell();
     }
-    const int workers = most_lanes();
+    const int workers = most_teams();
     if (workers == 1 || done + 1 >= frequencies.size()) {
       for (; done < frequencies.size(); ++done) {
         shop_.interruption.check();
@@ -193,13 +193,13 @@ std::vector<Answer> Lanes::solve(std::span<const double> frequencies) {
         tell();
       }
     } else {
-      lanes_.resize(static_cast<std::size_t>(workers));
+      teams_.resize(static_cast<std::size_t>(workers));
       std::atomic<std::size_t> next{done};
       shop_.pool.share([&](int worker) {
         if (worker >= workers) return;
         for (std::size_t k = next++; k < frequencies.size(); k = next++) {
           shop_.interruption.check();
-          out[k] = solve_one(fresh(lanes_[static_cast<std::size_t>(worker)], 1, workers), frequencies[k]);
+          out[k] = solve_one(fresh(teams_[static_cast<std::size_t>(worker)], 1, workers), frequencies[k]);
           tell();
         }
       });

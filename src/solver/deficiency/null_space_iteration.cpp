@@ -1,4 +1,4 @@
-#include "solver/deficiency/search.hpp"
+#include "solver/deficiency/null_space_iteration.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -31,14 +31,16 @@ Block first_columns(const Block& q, Index columns) {
   return part;
 }
 
-bool Search::surely_regular() const { return surely_above((job_.rough ? kLeastForFp32 : share_) * b_.norm()); }
+bool NullSpaceIteration::surely_regular() const {
+  return surely_above((job_.rough ? kLeastForFp32 : share_) * b_.norm());
+}
 
 // Whether all singular values are surely above a bound. A random vector of unit length has a part of at least
 // 1 / (kUnlucky sqrt(n)) in the direction of the smallest one, s, but for a few of a thousand; k solutions in turn
 // let that part alone grow by s^-k. That is said of the factor. Where s is not far above the bound (a long plate has
 // 2.5 bounds), it may be the error of a factor whose matrix is singular (seen at 3 bounds in lu), and the matrix has
 // to bear it out.
-bool Search::surely_above(double bound) const {
+bool NullSpaceIteration::surely_above(double bound) const {
   constexpr double kUnlucky = 256;
   constexpr int kMostSolutions = 16;
   constexpr double kFar = 1.0 / 256;
@@ -60,7 +62,7 @@ bool Search::surely_above(double bound) const {
 
 // Whether op(B)^-1 op(B) x is about x: what the factor makes of a direction that the matrix takes to nothing is its
 // own error, and does not lead back.
-bool Search::returns(Block x, bool transpose) const {
+bool NullSpaceIteration::returns(Block x, bool transpose) const {
   constexpr double kAbout = 0.125;
   normalize(job_.pool, x);
   Block again = b_.inverse(b_.product(x, transpose), transpose);
@@ -68,32 +70,32 @@ bool Search::returns(Block x, bool transpose) const {
   return norm_two(job_.pool, again.column(0), b_.n()) <= kAbout * norm_two(job_.pool, x.column(0), b_.n());
 }
 
-void Search::prepare() {
+void NullSpaceIteration::prepare() {
   b_.make_even();
   zero_ = share_ * b_.norm();
 }
 
 // What may be a null direction that the factor's errors have blurred.
-double Search::near() const { return b_.norm() * (job_.rough ? 1e-3 : 1e-8); }
+double NullSpaceIteration::near() const { return b_.norm() * (job_.rough ? 1e-3 : 1e-8); }
 
-Block Search::start(Index columns) const {
+Block NullSpaceIteration::start(Index columns) const {
   Block x(b_.n(), columns);
   for (std::size_t k = 0; k < x.values.size(); ++k) x.values[k] = random_number(k);
   return x;
 }
 
-bool Search::iterate(Block& x, bool transpose) const {
+bool NullSpaceIteration::iterate(Block& x, bool transpose) const {
   x = b_.inverse(std::move(x), transpose);
   return make_orthonormal(x);
 }
 
-bool Search::make_orthonormal(Block& x) const {
+bool NullSpaceIteration::make_orthonormal(Block& x) const {
   if (!normalize(job_.pool, x)) return false;
   orthonormalize(job_.pool, x);
   return true;
 }
 
-Directions Search::find(Index columns, bool transpose) const {
+Directions NullSpaceIteration::find(Index columns, bool transpose) const {
   Directions d{start(columns), Block(0, 0), {}};
   for (int step = 0; step < kInverseSteps; ++step) {
     if (b_.two_sided() && !iterate(d.q, !transpose)) return d;
@@ -109,7 +111,7 @@ Directions Search::find(Index columns, bool transpose) const {
 
 // Whether op(B) x is about y. Two vanishing pivots, one after the other, make inverses of tiles with numbers of 1e30,
 // whose rounding errors drown a solution of 1e15.
-bool Search::solves(const Block& x, const Block& y, bool transpose) const {
+bool NullSpaceIteration::solves(const Block& x, const Block& y, bool transpose) const {
   const double about = (job_.rough ? 1e-2 : 1e-9) * b_.norm();
   Block r = b_.product(x, transpose);
   for (Index c = 0; c < x.columns; ++c) {
@@ -121,13 +123,13 @@ bool Search::solves(const Block& x, const Block& y, bool transpose) const {
   return true;
 }
 
-void Search::inspect(Directions& d, bool transpose) const {
+void NullSpaceIteration::inspect(Directions& d, bool transpose) const {
   d.y = b_.product(d.q, transpose);
   d.values = rotate_apart(job_.pool, d.y, d.q);
 }
 
 // Directions that may be null ones are corrected.
-void Search::improve(Directions& d, bool transpose) const {
+void NullSpaceIteration::improve(Directions& d, bool transpose) const {
   inspect(d, transpose);
   const Index candidates = d.below(near());
   if (candidates == 0) return;
@@ -135,7 +137,7 @@ void Search::improve(Directions& d, bool transpose) const {
 }
 
 // The `keep` smallest directions on the other side, of a block of so many columns.
-Block Search::left_of(Index columns, Index keep, bool transpose) const {
+Block NullSpaceIteration::left_of(Index columns, Index keep, bool transpose) const {
   Directions left{start(columns), Block(0, 0), {}};
   for (int step = 0; step < kInverseSteps; ++step)
     if (!iterate(left.q, transpose) || !iterate(left.q, !transpose)) return {b_.n(), 0};
@@ -147,7 +149,7 @@ Block Search::left_of(Index columns, Index keep, bool transpose) const {
 // factor, which inverse iteration leaves in q, shrinks in each of them by itself over the next singular value. U, as
 // many null directions on the other side, keeps the inverse from making much of what belongs to the zeros; further
 // ones would keep it from what it is to correct.
-void Search::correct(Directions& d, const Block& other, bool transpose) const {
+void NullSpaceIteration::correct(Directions& d, const Block& other, bool transpose) const {
   const int most = job_.rough ? 20 : 6;
   const Index candidates = other.columns;
   for (int step = 0; step < most; ++step) {
@@ -168,7 +170,7 @@ void Search::correct(Directions& d, const Block& other, bool transpose) const {
   }
 }
 
-void Search::agree(Directions& right, Directions& left) const {
+void NullSpaceIteration::agree(Directions& right, Directions& left) const {
   constexpr int kTurns = 2;
   for (int turn = 0; turn < kTurns; ++turn) {
     const Index candidates = std::max(right.below(near()), left.below(near()));
@@ -178,7 +180,7 @@ void Search::agree(Directions& right, Directions& left) const {
   }
 }
 
-bool Search::hides_more(const Block& right, const Block& left) const {
+bool NullSpaceIteration::hides_more(const Block& right, const Block& left) const {
   Block x = start(std::min(kFirstColumns, b_.n() - right.columns));
   if (x.columns <= 0) return false;
   const auto go = [&](const Block& before, const Block& after, bool transpose) {
@@ -198,13 +200,13 @@ bool Search::hides_more(const Block& right, const Block& left) const {
 }
 
 // Whether each column of y is at most so long beside that of x.
-bool Search::below(const Block& y, const Block& x, double ratio) const {
+bool NullSpaceIteration::below(const Block& y, const Block& x, double ratio) const {
   for (Index c = 0; c < x.columns; ++c)
     if (!(norm_two(job_.pool, y.column(c), x.rows) <= ratio * norm_two(job_.pool, x.column(c), x.rows))) return false;
   return true;
 }
 
-bool Search::vanish(const Block& y, const Block& x) const {
+bool NullSpaceIteration::vanish(const Block& y, const Block& x) const {
   const auto largest = [&](const double* v) {
     double most = 0;
     for (Index i = 0; i < x.rows; ++i)
@@ -217,7 +219,7 @@ bool Search::vanish(const Block& y, const Block& x) const {
   return true;
 }
 
-Block Search::null_columns(Index columns, bool transpose, bool polished) const {
+Block NullSpaceIteration::null_columns(Index columns, bool transpose, bool polished) const {
   constexpr int kMostSteps = 4;
   Block x = start(columns);
   bool vanished = false;
@@ -235,7 +237,7 @@ Block Search::null_columns(Index columns, bool transpose, bool polished) const {
   return {b_.n(), 0};
 }
 
-void Search::clean(Block& x, bool transpose) const {
+void NullSpaceIteration::clean(Block& x, bool transpose) const {
   const Block y = b_.inverse(b_.product(x, transpose), transpose);
   for (std::size_t k = 0; k < y.values.size(); ++k) x.values[k] -= y.values[k];
 }

@@ -1,4 +1,4 @@
-#include "schur/parts.hpp"
+#include "schur/partition.hpp"
 
 #include <fmt/format.h>
 
@@ -8,12 +8,13 @@
 
 namespace espalier::schur {
 
-Parts::Parts(const MatrixView& a, std::span<const Index> unknowns, bool unsymmetric) : unsymmetric_(unsymmetric) {
+Partition::Partition(const MatrixView& a, std::span<const Index> unknowns, bool unsymmetric)
+    : unsymmetric_(unsymmetric) {
   take_list(unknowns, a.cols);
   split(a);
 }
 
-void Parts::take_list(std::span<const Index> unknowns, Index n) {
+void Partition::take_list(std::span<const Index> unknowns, Index n) {
   if (unknowns.empty())
     throw Error(StatusCode::invalid_input, "the list of unknowns is empty; a Schur complement needs at least one");
   constexpr Index kFree = -1;
@@ -39,7 +40,7 @@ void Parts::take_list(std::span<const Index> unknowns, Index n) {
 }
 
 // Numbers of the rest rise like those of A, so that a triangle stays a triangle.
-void Parts::split(const MatrixView& a) {
+void Partition::split(const MatrixView& a) {
   solver::Border border;
   border.size = size();
   matrix_.rows = matrix_.cols = static_cast<Index>(rest_.size());
@@ -65,7 +66,7 @@ void Parts::split(const MatrixView& a) {
   border_ = std::make_shared<const solver::Border>(std::move(border));
 }
 
-void Parts::add_coupling(const MatrixView& a, Index row, Index col, Offset source, solver::Border& border) {
+void Partition::add_coupling(const MatrixView& a, Index row, Index col, Offset source, solver::Border& border) {
   const bool lower = row >= 0;  // of A_sr
   const solver::Border::Entry entry{lower ? ~col : ~row, lower ? row : col, !lower};
   const auto add = [&](bool upper) {
@@ -81,7 +82,7 @@ void Parts::add_coupling(const MatrixView& a, Index row, Index col, Offset sourc
   }
 }
 
-std::vector<Index> Parts::rest_of(std::span<const Index> order) const {
+std::vector<Index> Partition::rest_of(std::span<const Index> order) const {
   std::vector<Index> rest;
   for (const Index v : order)
     if (v < 0 || v >= n())
@@ -91,30 +92,30 @@ std::vector<Index> Parts::rest_of(std::span<const Index> order) const {
   return rest;
 }
 
-std::vector<double> Parts::pick(const std::vector<Offset>& source, std::span<const double> values) {
+std::vector<double> Partition::pick(const std::vector<Offset>& source, std::span<const double> values) {
   std::vector<double> picked(source.size());
   for (std::size_t k = 0; k < source.size(); ++k) picked[k] = values[at(source[k])];
   return picked;
 }
 
-void Parts::add_listed(std::span<const double> values, std::span<double> s) const {
+void Partition::add_listed(std::span<const double> values, std::span<double> s) const {
   for (const Listed& e : listed_) s[at(e.col) * at(size()) + at(e.row)] += values[at(e.source)];
 }
 
 // Entries of A_sr (lower) or A_rs of op(A): use(number, inner, border).
 template <class Use>
-void Parts::visit_coupling(bool lower, bool transpose, Use&& use) const {
+void Partition::visit_coupling(bool lower, bool transpose, Use&& use) const {
   const auto& entries = border_->entries;
   for (std::size_t k = 0; k < entries.size(); ++k)
     if (!unsymmetric_ || entries[k].upper == (lower == transpose)) use(k, entries[k].inner, entries[k].border);
 }
 
-void Parts::subtract_lower(std::span<const double> coupling, const double* x, double* y, bool transpose) const {
+void Partition::subtract_lower(std::span<const double> coupling, const double* x, double* y, bool transpose) const {
   visit_coupling(true, transpose,
                  [&](std::size_t k, Index inner, Index border) { y[border] -= coupling[k] * x[inner]; });
 }
 
-void Parts::subtract_upper(std::span<const double> coupling, const double* x, double* y, bool transpose) const {
+void Partition::subtract_upper(std::span<const double> coupling, const double* x, double* y, bool transpose) const {
   visit_coupling(false, transpose,
                  [&](std::size_t k, Index inner, Index border) { y[inner] -= coupling[k] * x[border]; });
 }

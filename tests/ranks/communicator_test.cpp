@@ -1,5 +1,5 @@
 // The link by itself: which ranks are one machine, and whose memory messages come into.
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -14,9 +14,9 @@
 namespace espalier::ranks {
 namespace link_test {
 
-TEST(Link, MachinesAreThoseOfTheMomentAndTheSameOnAll) {
+TEST(Communicator, MachinesAreThoseOfTheMomentAndTheSameOnAll) {
   on_threads(4, {}, [](const Ranks& ranks) {
-    Link& link = *ranks.link();
+    Communicator& link = *ranks.link();
     link.begin_call();
     link.set_machines(2);
     const Machines pairs = Machines::agreed(link);
@@ -34,9 +34,9 @@ TEST(Link, MachinesAreThoseOfTheMomentAndTheSameOnAll) {
 }
 
 // Each has more than one machine, and yet they are not the same.
-TEST(Link, MachinesThatDifferAreToldToAll) {
+TEST(Communicator, MachinesThatDifferAreToldToAll) {
   on_threads(4, {}, [](const Ranks& ranks) {
-    Link& link = *ranks.link();
+    Communicator& link = *ranks.link();
     link.begin_call();
     link.set_machines(link.rank() == 3 ? 2 : 1);
     try {
@@ -53,10 +53,10 @@ TEST(Link, MachinesThatDifferAreToldToAll) {
 }
 
 // Whose owner goes does not take the memory of who came after.
-TEST(Link, MemoryIsItsOwnersAlone) {
+TEST(Communicator, MemoryIsItsOwnersAlone) {
   std::barrier together(2);  // else a message could come before the memory is changed
   on_threads(2, {}, [&](const Ranks& ranks) {
-    Link& link = *ranks.link();
+    Communicator& link = *ranks.link();
     std::array<int, 2> taken = {0, 0};
     const auto counting = [&](std::size_t owner) {
       return [&taken, owner](std::size_t) -> std::shared_ptr<std::byte[]> {
@@ -86,13 +86,13 @@ TEST(Link, MemoryIsItsOwnersAlone) {
 }
 
 // Longer than a part, of which several are on their way; and one that has nothing.
-TEST(Link, LongMessagesComeWhole) {
+TEST(Communicator, LongMessagesComeWhole) {
   Faults faults;
   faults.reorder = true;
   faults.most_delay = 0.0002;
   faults.credits = 2;
   on_threads(3, faults, [](const Ranks& ranks) {
-    Link& link = *ranks.link();
+    Communicator& link = *ranks.link();
     link.begin_call();
     const auto size_of = [](int rank) { return rank == 1 ? std::size_t{0} : (std::size_t{9} << 20) + 5; };
     std::vector<std::uint32_t> mine(size_of(link.rank()) / 4);

@@ -13,8 +13,8 @@
 
 namespace espalier::modes {
 
-struct Workshop {
-  explicit Workshop(const Options& options);
+struct Resources {
+  explicit Resources(const Options& options);
   const Options& options;
   base::Interruption interruption;
   base::ThreadPool pool;
@@ -30,7 +30,7 @@ struct Workshop {
 };
 
 /// Runs body() as a call that may be interrupted; what it throws becomes a status.
-Status guarded(Workshop& shop, const std::function<void()>& body);
+Status guarded(Resources& shop, const std::function<void()>& body);
 
 /// @throws Error(invalid_input) naming the first option that cannot be
 void check_options(const ModesOptions& options);

@@ -12,11 +12,11 @@
 namespace espalier::schur {
 
 /// Where the entries of A go. Positions in value arrays are those of A's.
-class Parts {
+class Partition {
  public:
   /// @param unsymmetric  A_sr and A_rs are kept both, whatever the storage
   /// @throws Error(invalid_input) naming what is wrong with the list
-  Parts(const MatrixView& a, std::span<const Index> unknowns, bool unsymmetric);
+  Partition(const MatrixView& a, std::span<const Index> unknowns, bool unsymmetric);
 
   [[nodiscard]] Index n() const { return static_cast<Index>(place_.size()); }
   [[nodiscard]] Index size() const { return static_cast<Index>(unknowns_.size()); }

@@ -1,4 +1,4 @@
-#include "dynamics/model/equations/face_search.hpp"
+#include "dynamics/model/equations/nearest_face.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,8 @@
 
 namespace espalier::dynamics::model {
 
-FaceSearch::FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place) {
+NearestFace::NearestFace(const Mesh& mesh, const std::vector<MeshFace>& faces,
+                         const std::function<Vec3(Index)>& place) {
   for (const MeshFace& f : faces) {
     const ElementShape& shape = shape_of(mesh.type(f.element));
     add(shape.faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), place);
@@ -18,11 +19,11 @@ FaceSearch::FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, con
   }
 }
 
-FaceSearch::FaceSearch(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place) {
+NearestFace::NearestFace(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place) {
   for (const auto& quad : quads) add(ElementType::quad4, {quad.begin(), quad.end()}, place);
 }
 
-void FaceSearch::add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place) {
+void NearestFace::add(ElementType type, std::vector<Index> nodes, const std::function<Vec3(Index)>& place) {
   Face face{type, std::move(nodes), {}, Vec3::Zero(), 0, {}};
   for (const Index n : face.nodes) {
     face.places.push_back(place(n));
@@ -33,7 +34,7 @@ void FaceSearch::add(ElementType type, std::vector<Index> nodes, const std::func
 }
 
 /// Gauss and Newton's steps in the face's two coordinates, kept on the face.
-FacePoint FaceSearch::project(const Face& face, const Vec3& point) {
+FacePoint NearestFace::project(const Face& face, const Vec3& point) {
   constexpr int kSteps = 50;
   constexpr double kRest = 1e-15;
   const bool triangle = shape_of(face.type).corners == 3;
@@ -88,7 +89,7 @@ FacePoint FaceSearch::project(const Face& face, const Vec3& point) {
   return out;
 }
 
-FacePoint FaceSearch::nearest(const Vec3& point, Index without) const {
+FacePoint NearestFace::nearest(const Vec3& point, Index without) const {
   FacePoint best;
   best.distance = std::numeric_limits<double>::infinity();
   for (const Face& face : faces_) {

@@ -1,4 +1,4 @@
-#include "modes/workshop.hpp"
+#include "modes/resources.hpp"
 
 #include <fmt/format.h>
 
@@ -24,13 +24,13 @@ base::Interruption::Clock::duration period_of(const Options& o) {
 
 }  // namespace
 
-Workshop::Workshop(const Options& the_options)
+Resources::Resources(const Options& the_options)
     : options(the_options),
       interruption(base::telling(options.interrupted), period_of(options)),
       pool(solver::threads_of(options), &interruption),
       budget("host memory", options.host_memory_bytes) {}
 
-Tall Workshop::basis(Index n, Index wanted, Index least, Offset factor_bytes) {
+Tall Resources::basis(Index n, Index wanted, Index least, Offset factor_bytes) {
   const Offset column = Offset{n} * static_cast<Offset>(sizeof(double));
   const Offset limit = options.host_memory_bytes;
   const auto machine = static_cast<Offset>(kShareOfMachine * static_cast<double>(matrix::machine_memory()));
@@ -46,7 +46,7 @@ Tall Workshop::basis(Index n, Index wanted, Index least, Offset factor_bytes) {
   return {n, fits, &budget};
 }
 
-Status guarded(Workshop& shop, const std::function<void()>& body) {
+Status guarded(Resources& shop, const std::function<void()>& body) {
   return solver::status_of(shop.interruption, "ask for fewer modes, or use a machine with more", body);
 }
 

@@ -1,4 +1,4 @@
-#include "ranks/link.hpp"
+#include "ranks/communicator.hpp"
 
 #include <fmt/format.h>
 #include <sched.h>
@@ -35,7 +35,7 @@ Message text_message(std::int32_t kind, const std::string& text) {
   Header h;
   h.kind = kind;
   m.set_header(h);
-  Writer(m.body()).put(text.data(), text.size());
+  Writer(m.body()).write(text.data(), text.size());
   return m;
 }
 
@@ -43,7 +43,8 @@ std::string text_of(const Message& m) { return {reinterpret_cast<const char*>(m.
 
 }  // namespace
 
-Link::Link(const espalier_rank_functions& functions, double patience) : table_(functions), patience_(patience) {
+Communicator::Communicator(const espalier_rank_functions& functions, double patience)
+    : table_(functions), patience_(patience) {
   const bool whole = functions.size >= sizeof(espalier_rank_functions) && functions.send != nullptr &&
                      functions.probe != nullptr && functions.receive != nullptr && functions.test != nullptr &&
                      functions.explain != nullptr && functions.release != nullptr;
@@ -64,7 +65,7 @@ Link::Link(const espalier_rank_functions& functions, double patience) : table_(f
   }
 }
 
-Link::~Link() {
+Communicator::~Communicator() {
   // Whoever left a call in good order has received all; after a failure the rest is left to itself.
   const double begin = now();
   try {
@@ -76,7 +77,7 @@ Link::~Link() {
 }
 
 // What is still being sent or received must stay where it is, to the end of the process.
-void Link::keep_what_is_open() {
+void Communicator::keep_what_is_open() {
   static std::mutex mutex;
   static auto& sent = *new std::vector<std::deque<Outgoing>>;
   static auto& received = *new std::vector<std::deque<Incoming>>;
@@ -88,22 +89,22 @@ void Link::keep_what_is_open() {
     if (!queue.empty()) received.push_back(std::move(queue));
 }
 
-double Link::now() {
+double Communicator::now() {
   return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
 }
 
-std::string Link::name_of(int rank) const {
+std::string Communicator::name_of(int rank) const {
   const auto r = static_cast<std::size_t>(rank);
   return r < hosts_.size() ? fmt::format("rank {} on host {}", rank, hosts_[r]) : fmt::format("rank {}", rank);
 }
 
-int Link::machine_of(int rank) const {
+int Communicator::machine_of(int rank) const {
   if (machine_ranks_ > 0) return rank / machine_ranks_;
   const auto found = std::find(hosts_.begin(), hosts_.end(), hosts_[static_cast<std::size_t>(rank)]);
   return static_cast<int>(found - hosts_.begin());
 }
 
-void Link::exchange_hosts() {
+void Communicator::exchange_hosts() {
   begin_call();
   const std::string mine = host_name();
   for (const auto& bytes : all_gather(std::as_bytes(std::span(mine))))
@@ -117,7 +118,7 @@ void Link::exchange_hosts() {
   for (std::size_t r = 0; r < all.size(); ++r) neighbours_ += hosts_[r] == hosts_[me] && all[r] == all[me] ? 1 : 0;
 }
 
-void Link::begin_call() {
+void Communicator::begin_call() {
   if (!lost_.empty()) throw Error(StatusCode::device_error, lost_);
   ++call_;
   operation_ = 0;
@@ -126,9 +127,9 @@ void Link::begin_call() {
   early_.erase(early_.begin(), early_.lower_bound({call_, 0}));
 }
 
-void Link::begin_operation() { ++operation_; }
+void Communicator::begin_operation() { ++operation_; }
 
-void Link::post(std::span<const int> to, Message message) {
+void Communicator::post(std::span<const int> to, Message message) {
   Header h = message.header();
   h.call = call_;
   h.operation = operation_;
@@ -137,7 +138,7 @@ void Link::post(std::span<const int> to, Message message) {
   for (const int r : to) posted_.emplace_back(r, message);
 }
 
-void Link::check(int error) {
+void Communicator::check(int error) {
   if (error == 0) return;
   char text[512] = {};
   table_.explain(table_.context, error, text, sizeof text);
@@ -146,7 +147,7 @@ void Link::check(int error) {
                                   : fmt::format("messages between ranks fail: {}", text));
 }
 
-void Link::lose(const std::string& why) {
+void Communicator::lose(const std::string& why) {
   if (lost_.empty()) {
     lost_ = why + "; this solver cannot be used any more, make a new one with ranks that answer";
     try {
@@ -158,7 +159,7 @@ void Link::lose(const std::string& why) {
 }
 
 // Best effort: whoever is there hears of it.
-void Link::tell_all(std::int32_t kind, const std::string& text) {
+void Communicator::tell_all(std::int32_t kind, const std::string& text) {
   Message m = text_message(kind, text);
   Header h = m.header();
   h.call = call_;
@@ -170,7 +171,7 @@ void Link::tell_all(std::int32_t kind, const std::string& text) {
   }
 }
 
-void Link::send_posted() {
+void Communicator::send_posted() {
   std::vector<std::pair<int, Message>> list;
   {
     const std::lock_guard lock(mutex_);
@@ -184,7 +185,7 @@ void Link::send_posted() {
   }
 }
 
-void Link::finish_sent() {
+void Communicator::finish_sent() {
   for (std::size_t k = 0, most = std::min(kTested, outgoing_.size()); k < most; ++k) {
     Outgoing o = std::move(outgoing_.front());
     outgoing_.pop_front();
@@ -198,7 +199,7 @@ void Link::finish_sent() {
   }
 }
 
-void Link::receive() {
+void Communicator::receive() {
   while (incoming_bytes_ < kMostIncoming) {
     std::int32_t from = -1;
     std::size_t bytes = 0;
@@ -216,7 +217,7 @@ void Link::receive() {
 }
 
 // Messages of a rank are handed out in the order in which it sent them, whichever arrives first.
-void Link::deliver(const Handler& handler) {
+void Communicator::deliver(const Handler& handler) {
   for (int from = 0; from < size(); ++from) {
     auto& queue = incoming_[static_cast<std::size_t>(from)];
     std::size_t tested = 0;
@@ -239,7 +240,7 @@ void Link::deliver(const Handler& handler) {
   }
 }
 
-void Link::hand_out(int from, const Message& message, const Handler& handler) {
+void Communicator::hand_out(int from, const Message& message, const Handler& handler) {
   const Header h = message.header();
   if (h.kind == kSign) return;
   if (h.kind == kAbort || h.kind == kLost) return take_abort(message);
@@ -249,7 +250,7 @@ void Link::hand_out(int from, const Message& message, const Handler& handler) {
     early_[{h.call, h.operation}].emplace_back(from, message);
 }
 
-void Link::take_abort(const Message& message) {
+void Communicator::take_abort(const Message& message) {
   const Header h = message.header();
   if (h.kind == kLost) {
     lost_ = text_of(message);
@@ -260,7 +261,7 @@ void Link::take_abort(const Message& message) {
   if (h.call == call_) aborted_ = aborts_[call_];
 }
 
-void Link::hand_out_early(const Handler& handler) {
+void Communicator::hand_out_early(const Handler& handler) {
   const auto found = early_.find({call_, operation_});
   if (found == early_.end()) return;
   const auto list = std::move(found->second);
@@ -268,7 +269,7 @@ void Link::hand_out_early(const Handler& handler) {
   for (const auto& [from, message] : list) handler(from, message);
 }
 
-void Link::drive(const Handler& handler) {
+void Communicator::drive(const Handler& handler) {
   if (!lost_.empty()) throw Error(StatusCode::device_error, lost_);
   send_posted();
   if (!outgoing_.empty()) finish_sent();
@@ -279,7 +280,7 @@ void Link::drive(const Handler& handler) {
   if (!aborted_.empty() && operation_ != kLeave) throw Error(StatusCode::device_error, aborted_);
 }
 
-void Link::give_sign_of_life() {
+void Communicator::give_sign_of_life() {
   const double time = now();
   if (time - signed_ < patience_ / 4) return;
   signed_ = time;
@@ -296,7 +297,7 @@ void Link::give_sign_of_life() {
   }
 }
 
-void Link::expect_patience() {
+void Communicator::expect_patience() {
   const double time = now();
   if (time - waiting_since_ <= patience_) return;
   std::string silent;
@@ -309,7 +310,7 @@ void Link::expect_patience() {
 }
 
 // It sleeps when nothing has moved for some rounds: a long message moves in its rounds alone.
-void Link::wait(const Handler& handler, const std::function<bool()>& done) {
+void Communicator::wait(const Handler& handler, const std::function<bool()>& done) {
   constexpr int kSpins = 2000, kYields = 4000;
   begin_waiting();
   std::int64_t moved = moved_;
@@ -326,7 +327,7 @@ void Link::wait(const Handler& handler, const std::function<bool()>& done) {
   }
 }
 
-void Link::post_parts(std::span<const int> to, std::span<const std::byte> bytes) {
+void Communicator::post_parts(std::span<const int> to, std::span<const std::byte> bytes) {
   for (std::size_t at = 0; at == 0 || at < bytes.size(); at += kMostPart) {
     const auto part = bytes.subspan(at, std::min(kMostPart, bytes.size() - at));
     Message m(part.size());
@@ -334,13 +335,13 @@ void Link::post_parts(std::span<const int> to, std::span<const std::byte> bytes)
     h.kind = kPart;
     h.number = static_cast<std::int64_t>(bytes.size());
     m.set_header(h);
-    Writer(m.body()).put(part.data(), part.size());
+    Writer(m.body()).write(part.data(), part.size());
     post(to, m);
   }
 }
 
 // What every other rank has posted.
-void Link::take_parts(std::vector<std::vector<std::byte>>& all) {
+void Communicator::take_parts(std::vector<std::vector<std::byte>>& all) {
   int missing = size() - 1;
   const Handler take = [&](int from, const Message& m) {
     auto& to = all[static_cast<std::size_t>(from)];
@@ -352,7 +353,7 @@ void Link::take_parts(std::vector<std::vector<std::byte>>& all) {
   wait(take, [&] { return missing == 0; });
 }
 
-std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> mine) {
+std::vector<std::vector<std::byte>> Communicator::all_gather(std::span<const std::byte> mine) {
   begin_operation();
   std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
   all[static_cast<std::size_t>(rank())].assign(mine.begin(), mine.end());
@@ -363,7 +364,7 @@ std::vector<std::vector<std::byte>> Link::all_gather(std::span<const std::byte> 
   return all;
 }
 
-std::vector<std::vector<std::byte>> Link::all_to_all(std::span<const std::span<const std::byte>> mine) {
+std::vector<std::vector<std::byte>> Communicator::all_to_all(std::span<const std::span<const std::byte>> mine) {
   begin_operation();
   std::vector<std::vector<std::byte>> all(static_cast<std::size_t>(size()));
   const auto own = mine[static_cast<std::size_t>(rank())];
@@ -376,7 +377,7 @@ std::vector<std::vector<std::byte>> Link::all_to_all(std::span<const std::span<c
   return all;
 }
 
-std::vector<std::int64_t> Link::all_numbers(std::int64_t mine) {
+std::vector<std::int64_t> Communicator::all_numbers(std::int64_t mine) {
   std::vector<std::int64_t> all;
   for (const auto& list : all_gather_of(std::span<const std::int64_t>(&mine, 1))) all.push_back(list.at(0));
   return all;
@@ -389,8 +390,8 @@ std::vector<std::byte> packed(const Status& s, bool echo) {
   std::vector<std::byte> bytes(3 * sizeof(std::int32_t) + s.message.size());
   const std::int32_t head[3] = {static_cast<std::int32_t>(s.code), s.row, echo ? 1 : 0};
   Writer w(bytes.data());
-  w.put(head, 3);
-  w.put(s.message.data(), s.message.size());
+  w.write(head, 3);
+  w.write(s.message.data(), s.message.size());
   return bytes;
 }
 
@@ -410,7 +411,7 @@ Unpacked unpacked(const std::vector<std::byte>& bytes) {
 
 }  // namespace
 
-Status Link::meet(const Status& own) {
+Status Communicator::meet(const Status& own) {
   const bool echo = !own.ok() && !aborted_.empty() && own.message == aborted_;
   if (!own.ok() && !echo) tell_all(kAbort, fmt::format("{} has given up: {}", name_of(rank()), own.message));
   {
@@ -436,7 +437,7 @@ Status Link::meet(const Status& own) {
   return status;
 }
 
-Status Link::end_call(Status own) {
+Status Communicator::end_call(Status own) {
   if (lost_.empty()) {
     try {
       Status all = meet(own);
@@ -450,7 +451,7 @@ Status Link::end_call(Status own) {
   return lost_.empty() ? own : Status{StatusCode::device_error, lost_, -1};
 }
 
-void Link::expect_all(const std::function<void()>& body) {
+void Communicator::expect_all(const std::function<void()>& body) {
   Status own;
   try {
     body();

@@ -8,7 +8,7 @@
 
 #include "espalier/harmonic.hpp"
 #include "harmonic/dynamic_stiffness.hpp"
-#include "modes/workshop.hpp"
+#include "modes/resources.hpp"
 #include "solver/session/session.hpp"
 
 namespace espalier::harmonic {
@@ -26,11 +26,11 @@ struct Answer {
 /// Each frequency is given to a factor that treats it as one that has just been made on the shared analysis would: the
 /// answers do not depend on which frequencies came before, nor on the number of threads. The analysis is made at the
 /// first frequency of all, and is the one that this frequency's factor ended with (pivots moved, for instance).
-class Lanes {
+class Teams {
  public:
   /// All outlive the object.
-  Lanes(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
-        modes::Workshop& shop, HarmonicResult& result);
+  Teams(const DynamicStiffness& z, std::span<const Complex> loads, Index columns, const HarmonicOptions& options,
+        modes::Resources& shop, HarmonicResult& result);
   /// In the order of the frequencies. Times and counts go into the result.
   /// @throws Error where memory or devices fail, the caller interrupts, or Z has no analysis
   std::vector<Answer> solve(std::span<const double> frequencies);
@@ -38,27 +38,27 @@ class Lanes {
   [[nodiscard]] std::size_t at_a_time() const;
 
  private:
-  struct Lane {
-    Lane(const Options& options, const solver::SharedAnalysis& analysis);
+  struct Team {
+    Team(const Options& options, const solver::SharedAnalysis& analysis);
     solver::Session session;
     std::vector<Complex> z;
   };
   void begin(double frequency);
-  [[nodiscard]] int most_lanes() const;
-  /// The lane, made anew where its factor has gone its own way.
-  Lane& fresh(std::unique_ptr<Lane>& lane, int threads, int beside);
-  [[nodiscard]] Answer solve_one(Lane& lane, double frequency) const;
-  double rounding_of(Lane& lane, double w, const std::vector<Complex>& x, double z_norm, Answer& out) const;
+  [[nodiscard]] int most_teams() const;
+  /// The team, made anew where its factor has gone its own way.
+  Team& fresh(std::unique_ptr<Team>& team, int threads, int beside);
+  [[nodiscard]] Answer solve_one(Team& team, double frequency) const;
+  double rounding_of(Team& team, double w, const std::vector<Complex>& x, double z_norm, Answer& out) const;
 
   const DynamicStiffness& z_;
   std::span<const Complex> loads_;
   Index columns_;
-  modes::Workshop& shop_;
+  modes::Resources& shop_;
   HarmonicResult& result_;
   Options options_;
-  std::unique_ptr<Lane> whole_;  // analyzes, and has all threads
+  std::unique_ptr<Team> whole_;  // analyzes, and has all threads
   solver::SharedAnalysis analysis_;
-  std::vector<std::unique_ptr<Lane>> lanes_;  // of one thread each
+  std::vector<std::unique_ptr<Team>> teams_;  // of one thread each
 };
 
 }  // namespace espalier::harmonic

@@ -22,12 +22,12 @@ struct FacePoint {
   [[nodiscard]] Vec3 normal() const { return tangents[0].cross(tangents[1]).normalized(); }
 };
 
-class FaceSearch {
+class NearestFace {
  public:
   /// @param place  of a node @param mesh, faces, place  outlive this
-  FaceSearch(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place);
+  NearestFace(const Mesh& mesh, const std::vector<MeshFace>& faces, const std::function<Vec3(Index)>& place);
   /// The same with quadrilaterals of a shell.
-  FaceSearch(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place);
+  NearestFace(std::span<const std::array<Index, 4>> quads, const std::function<Vec3(Index)>& place);
   /// @param without  faces with this node do not count; -1: all do
   [[nodiscard]] FacePoint nearest(const Vec3& point, Index without = -1) const;
 

@@ -30,15 +30,15 @@ using Handler = std::function<void(int from, const Message& message)>;
 /// silent. After a loss nothing works any more: all calls end with the same sentence.
 ///
 /// Only post() may be called by several threads, all else by the thread that calls the solver.
-class Link {
+class Communicator {
  public:
   /// Collective: exchanges the names of hosts. Takes the table over.
   /// @param patience  seconds, above 0
   /// @throws Error(device_error) where a rank does not answer; Error(invalid_input) for a table that cannot be
-  Link(const espalier_rank_functions& functions, double patience);
-  ~Link();
-  Link(const Link&) = delete;
-  Link& operator=(const Link&) = delete;
+  Communicator(const espalier_rank_functions& functions, double patience);
+  ~Communicator();
+  Communicator(const Communicator&) = delete;
+  Communicator& operator=(const Communicator&) = delete;
 
   [[nodiscard]] int rank() const { return table_.rank; }
   [[nodiscard]] int size() const { return table_.ranks; }

@@ -31,9 +31,9 @@ struct Directions {
 
 Block first_columns(const Block& q, Index columns);
 
-class Search {
+class NullSpaceIteration {
  public:
-  explicit Search(const DeficiencyJob& job)
+  explicit NullSpaceIteration(const DeficiencyJob& job)
       : job_(job), b_(job), share_(zero_singular_value(job.kind, job.prepared.n())) {}
 
   /// Whether the matrix is surely regular, by a few solutions: no singular value is near the bound of a zero (FP32:

@@ -11,10 +11,10 @@
 
 namespace espalier::device::cuda {
 
-class HostLink {
+class HostTransfer {
  public:
   /// @param buffer_size  doubles in each buffer; taken when first needed
-  explicit HostLink(Offset buffer_size) : buffer_size_(buffer_size) {}
+  explicit HostTransfer(Offset buffer_size) : buffer_size_(buffer_size) {}
 
   /// Enqueues the copy to the device; `from` may change when it returns.
   void send(double* to, const double* from, Offset count, cudaStream_t stream, const HostCopy& copy) {
