@@ -43,11 +43,12 @@ build_release() {
     -DESPALIER_BENCH=ON $(from_scratch) "${python[@]}" "${timed[@]}"
 }
 
-# What the sources weigh: lines, and the compiler's time for them in the build before (of a build from nothing).
+# Words of the sources, and what these weigh: lines, and the compiler's time for them in the build before (of a build
+# from nothing).
 check_weight() {
   local times=()
   [[ ! -s build/compile_times.txt ]] || times=(--times build/compile_times.txt)
-  .ci/check_weight.py "${times[@]}"
+  .ci/check_words.py && .ci/check_weight.py "${times[@]}"
 }
 
 # The site with its notebooks executed, from the package of the release build.

@@ -22,7 +22,7 @@ double seconds_of(Body&& body) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
-/// Of an even number the upper one of the middle two; NaN of none.
+/// The median; of an even number of samples the upper one of the middle two; NaN of none.
 inline double median(std::vector<double> samples) {
   if (samples.empty()) return std::numeric_limits<double>::quiet_NaN();
   std::sort(samples.begin(), samples.end());

@@ -129,7 +129,7 @@ ComplexColumns read_complex_columns(const std::string& path, Index rows, base::T
 
 namespace {
 
-// Of a word from a file, which may be of any length and hold any bytes.
+// What is shown of a word from a file, which may be of any length and hold any bytes.
 std::string shown(std::string_view word) {
   constexpr std::size_t kMost = 40;
   std::string text(word.substr(0, kMost));

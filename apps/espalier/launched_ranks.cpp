@@ -36,7 +36,7 @@ int launched_ranks() {
   return ranks;
 }
 
-// Those of the launcher's own MPI first.
+// The adapters of the launcher's own MPI first.
 std::vector<std::string> adapters() {
   if (const char* given = std::getenv("ESPALIER_MPI_ADAPTER")) return {given};
   std::error_code error;

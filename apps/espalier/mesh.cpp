@@ -36,7 +36,7 @@ struct MeshCommand {
   void write_page(const Mesh& mesh, const MeshSurvey& survey) const;
 };
 
-/// Of the solids of an element set.
+/// The volume of the solids of an element set.
 double volume_of_set(const Mesh& mesh, const std::string& set) {
   const auto found = mesh.element_sets.find(set);
   return found == mesh.element_sets.end() || found->second.empty()

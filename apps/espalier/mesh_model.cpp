@@ -107,7 +107,7 @@ bool only_solids(const Mesh& mesh) {
   return true;
 }
 
-/// Of a deck whose supports hold the part; empty for others.
+/// The model's text of a deck whose supports hold the part; empty for others.
 std::string text_of_deck(const dynamics::Deck& deck, const std::string& mesh_file, const std::string& path,
                          const std::string& steel) {
   const DeckModel model = model_of_deck(deck, steel);

@@ -48,7 +48,7 @@ class Scratch {
   fs::path path_;
 };
 
-// Of Open MPI or of others, by what the compiler says that it links.
+// The name of an MPI: Open MPI or others, by what the compiler says that it links.
 std::string name_of_mpi(const std::string& compiler) {
   for (const char* question : {"-showme:version", "-show"}) {
     const ProcessResult said = run_program({compiler, question});

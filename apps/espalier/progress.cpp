@@ -41,7 +41,7 @@ std::string amount(double done, double total, const std::string& unit) {
   return total > 0 ? fmt::format("{:.0f} of {:.0f} {}", done, total, unit) : fmt::format("{:.0f} {}", done, unit);
 }
 
-/// Of a prediction: not more digits than it has.
+/// The time that a prediction leaves: not more digits than it has.
 std::string to_go(double seconds) {
   if (!(seconds >= 0) || !std::isfinite(seconds)) return "";
   const double whole = std::ceil(seconds);

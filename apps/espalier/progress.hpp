@@ -37,7 +37,7 @@ class Progress {
   void follow(std::string note);
   /// A line of text, above the one that is rewritten.
   void say(std::string_view line);
-  /// Of a simulation, for programs.
+  /// The progress of a simulation, for programs.
   void note_step(const ProgressLines::Step& step) {
     const std::lock_guard lock(mutex_);
     lines_.note_step(step);

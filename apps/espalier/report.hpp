@@ -39,7 +39,7 @@ struct RunRecord {
   [[nodiscard]] bool hermitian() const { return storage >= Storage::hermitian_lower; }
   void note(const FactorResult& result);
   void note(const ComplexFactorResult& result);
-  /// Of the refactorizations; empty when there were none.
+  /// The best time of the refactorizations; empty when there were none.
   [[nodiscard]] std::optional<double> best_refactor_seconds() const;
   /// Flops of the analysis over the best time of any factorization.
   [[nodiscard]] double best_rate() const;

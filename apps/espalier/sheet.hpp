@@ -35,7 +35,7 @@ class Sheet {
   void set_facts(std::string facts) { facts_ = std::move(facts); }
   /// @param style  "line", "dots" or "bars"
   void begin_plot(const std::string& title, const SheetAxis& x, const SheetAxis& y, const std::string& style);
-  /// Of the plot begun last; what is not finite is left out.
+  /// A series of the plot begun last; what is not finite is left out.
   void add_series(const std::string& name, const std::vector<double>& x, const std::vector<double>& y);
   /// `size` x `size` counts, row by row, 0 to 255. @param said  the picture in words
   void add_picture(const std::string& title, int size, const std::vector<unsigned char>& counts,

@@ -30,7 +30,7 @@ FmiStatus refuse3(void* c, const char* function, const char* why) {
   return call3(c, function, [&](Instance&) { throw std::invalid_argument(why); });
 }
 
-/// Of the types that no variable has.
+/// The answer of the types that no variable has.
 FmiStatus none3(void* c, const char* function, std::size_t count) {
   return count == 0 ? FmiStatus::ok : refuse3(c, function, "all variables of this FMU are Float64");
 }

@@ -202,7 +202,7 @@ void Instance::read_out(const Run& run, std::vector<double>& values) const {
   }
 }
 
-// Of the state of the run.
+// Takes the run's state.
 void Instance::take_run() {
   read_out(*run_, values_);
   current_ = !model_exchange_;

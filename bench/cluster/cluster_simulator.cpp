@@ -302,7 +302,7 @@ class Run {
   // Fronts: when all is made, when the first column of the contribution is; seconds of the chain up to its end.
   std::vector<double> done_, first_, chain_;
   std::vector<double> busy_, worked_, load_, out_, in_, link_, sent_, received_;  // devices
-  // Of the front at hand: the last diagonal tile and panel, its maker, and when each machine has it.
+  // The state of the front at hand: the last diagonal tile and panel, its maker, and when each machine has it.
   double early_ = 0, diagonal_ = 0, made_ = 0;
   Index last_ = -1;
   std::vector<double> arrived_;

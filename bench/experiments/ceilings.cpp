@@ -76,7 +76,7 @@ class Streams {
     return now_seconds() - start;
   }
 
-  /// Of one pass over the three arrays.
+  /// Bytes of one pass over the three arrays.
   [[nodiscard]] double bytes() const { return 24.0 * static_cast<double>(count_) * pool_.size(); }
   /// What the sums add up to: keeps them from being optimised away.
   [[nodiscard]] bool touched() const { return parts_.front().sum != 0; }

@@ -162,7 +162,7 @@ class Run {
   std::vector<double> made_;         // flags; when, kNotYet
   std::vector<std::uint8_t> maker_;  // flags; the device
   std::vector<Device> devices_;
-  // Of the task at hand.
+  // The device of the task at hand.
   int here_ = 0;
   int chunks_ = 0;
   TaskRate rate_{};

@@ -45,7 +45,7 @@ static void read_matrix(DMUMPS_STRUC_C* m, const char* path) {
   fclose(file);
 }
 
-/* Of A x = (1, ..., 1): |b - A x| / (|A| |x| + 1), largest entries. */
+/* Backward error of A x = (1, ..., 1): |b - A x| / (|A| |x| + 1), largest entries. */
 static double backward_error(const DMUMPS_STRUC_C* m) {
   double* r = malloc((size_t)m->n * sizeof *r);
   double* s = calloc((size_t)m->n, sizeof *s);

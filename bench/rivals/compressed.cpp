@@ -66,7 +66,7 @@ void for_each_wanted(const MatrixView& a, Shape shape, Visit&& visit) {
 
 CompressedMatrix::CompressedMatrix(const SystemView& a, Shape shape, int base)
     : size_(a.rows), parts_(static_cast<std::size_t>(a.parts())) {
-  // Of both triangles the lower one is taken.
+  // Where both triangles are stored, the lower one is taken.
   conjugate_mirror_ = a.numbers == Numbers::hermitian;
   conjugate_ = conjugate_mirror_ && is_half(shape) && upper_triangle(a) != (shape == Shape::upper_by_row);
   if (is_in_shape(a, shape)) {

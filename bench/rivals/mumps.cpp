@@ -52,7 +52,7 @@ class Instance {
   }
 };
 
-/// Of dmumps_c or zmumps_c: job -1 in the constructor, job -2 in the destructor.
+/// The life of an instance of dmumps_c or zmumps_c: job -1 in the constructor, job -2 in the destructor.
 template <typename Data, void (*call)(Data*)>
 class InstanceOf : public Instance {
  public:

@@ -131,7 +131,7 @@ int factorize(cholmod_sparse* a, cholmod_factor* factor, cholmod_common* common)
   return 1;
 }
 
-// Of a right-hand side that is not ours to solve for: null.
+// The solution of a right-hand side that is not ours to solve for: null.
 template <class Int>
 std::shared_ptr<Attached<Int>> solver_for(int system, const cholmod_factor* factor, const cholmod_dense* b,
                                           const cholmod_common* common) {

@@ -12,8 +12,8 @@ namespace espalier::hosts {
 /// A copy of a host's pattern, and where its values go. Entries that are repeated stay so, and are summed later.
 class HostPattern {
  public:
-  /// Of a symmetric matrix, from columns. @param pointers  n + 1, from `base` on, never falling; @param rows  the
-  /// entries' rows, from `base` on
+  /// The pattern of a symmetric matrix, from columns. @param pointers  n + 1, from `base` on, never falling; @param
+  /// rows  the entries' rows, from `base` on
   /// @pre all rows lie from base to n - 1 + base
   /// @param clean  entries above the diagonal and outside of the matrix are left out, instead of being refused later
   static HostPattern from_columns(int n, const int* pointers, const int* rows, int base, bool clean);

@@ -105,7 +105,8 @@ int HostSolver::solve(const double* b, double* x, std::int64_t columns, int tran
   };
   int status = once(steps_);
   if (status == ESPALIER_ACCURACY_NOT_REACHED && steps_ < kMostSteps && !user_looks_) status = once(kMostSteps);
-  // Of a matrix that is nearly singular; hosts have met it in the factor, or do so on purpose (shift and invert).
+  // The solution of a matrix that is nearly singular; hosts have met it in the factor, or do so on purpose (shift and
+  // invert).
   if (status == ESPALIER_SINGULAR && solution_.backward_error <= kPromised) status = ESPALIER_OK;
   if (status == ESPALIER_INVALID_INPUT && std::isinf(solution_.backward_error))
     status = ESPALIER_OK;  // b is not finite

@@ -48,12 +48,12 @@ class HostSolver {
   int solve(const double* b, double* x, std::int64_t columns, int transpose);
   /// The factor's substitution, which nobody looks at: to probe a factor, or where the host knows that it is singular.
   int substitute(const double* b, double* x, std::int64_t columns, int transpose);
-  /// Of the solves to come: steps of refinement before anybody looks.
+  /// For the solves to come: steps of refinement before anybody looks.
   void set_refinement(int steps) { steps_ = steps; }
   /// Another solver on the same analysis. @returns an espalier_status
   int clone(std::unique_ptr<HostSolver>& to);
 
-  /// Of the last call of each sort.
+  /// The results of the last call of each sort.
   [[nodiscard]] const espalier_analysis_info& analysis() const { return analysis_; }
   [[nodiscard]] const espalier_factor_info& factor() const { return factor_; }
   [[nodiscard]] const espalier_solve_info& solution() const { return solution_; }

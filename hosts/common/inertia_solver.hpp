@@ -46,7 +46,7 @@ class InertiaSolver {
   static void prepare(HostSolver& solver);
   static void choose_pivots(HostSolver& solver, const PivotWish& wish);
 
-  /// Of the solves to come, for a host that wants it; none by default.
+  /// For the solves to come, for a host that wants it; none by default.
   void set_refinement(int steps) { solver_.set_refinement(steps); }
 
   [[nodiscard]] const HostSolver& solver() const { return solver_; }

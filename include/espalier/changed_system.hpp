@@ -123,8 +123,8 @@ class ChangedSystem {
   /// touch more than 4096 rows, so that it is never too small; `componentwise_error` is NaN. Status as prepare().
   ChangedSolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
                            Transpose transpose = Transpose::no);
-  /// Of the changed matrix without its removed rows and columns, by Haynsworth's theorem; -1 where A or a change is not
-  /// symmetric. Makes columns as prepare() does. @throws Error where the device or memory fails
+  /// The inertia of the changed matrix without its removed rows and columns, by Haynsworth's theorem; -1 where A or a
+  /// change is not symmetric. Makes columns as prepare() does. @throws Error where the device or memory fails
   [[nodiscard]] Inertia inertia() const;
 
  private:

@@ -21,8 +21,8 @@ struct ComplexFactorResult : FactorReport {
   /// det A over its magnitude; 0 for a singular matrix. NaN where the real form was factorized (see ComplexSolver),
   /// whose determinant is +-|det A|^2 and does not tell it; those of Hermitian matrices are known by their inertia.
   std::complex<double> determinant_phase = 0;
-  /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest
-  /// part of each 1 in magnitude.
+  /// The null space of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after
+  /// another, the largest part of each 1 in magnitude.
   std::vector<std::complex<double>> null_vectors;
   /// Vectors w with A^T w = 0, likewise: of a Hermitian matrix the conjugates of the null vectors. Empty for a
   /// symmetric one, where they are the same.

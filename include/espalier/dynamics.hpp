@@ -161,14 +161,14 @@ struct SimulationMode {
   double frequency = 0;      ///< per unit of time; in a steady motion as seen from the axes that a notice names
   double damping_ratio = 0;  ///< of critical damping
   double growth = 0;         ///< amplitudes go with exp(growth t)
-  /// Of what circles about the axis of a steady rotation: 1 with it, -1 against it, between where paths are ellipses;
-  /// 0 on a line, or without such an axis. As seen from the axes of `frequency`.
+  /// The sense of what circles about the axis of a steady rotation: 1 with it, -1 against it, between where paths are
+  /// ellipses; 0 on a line, or without such an axis. As seen from the axes of `frequency`.
   double whirl = 0;
   /// The frequency as seen from axes at rest, negative against the rotation: that of a path that is a circle, or of
   /// what does not circle at all. NaN: there are two, frequency + n and frequency - n, n the turns per unit of time.
   double standing_frequency = 0;
-  /// Of the shape with a modal mass of 1 (x^T M x = 1): its largest displacement, and the chosen quantities that are
-  /// stresses, strains or forces in sections, as amplitudes.
+  /// Amplitudes of the shape with a modal mass of 1 (x^T M x = 1): its largest displacement, and the chosen quantities
+  /// that are stresses, strains or forces in sections, as amplitudes.
   double displacement = 0;
   std::vector<std::pair<std::string, double>> values = {};
 };
@@ -262,8 +262,8 @@ struct SimulationSummary {
   std::vector<SimulationEvent> events;  ///< in their order; of very many the first 10,000
   long event_count = 0;
   SimulationEnergy energy_begin, energy_end;
-  /// Of a motion: work of what is in no potential (dampers, friction, motors, supports), and what the energy changed
-  /// beside it, by the steps of the integration themselves. From states at the ends of steps.
+  /// The balance of a motion: work of what is in no potential (dampers, friction, motors, supports), and what the
+  /// energy changed beside it, by the steps of the integration themselves. From states at the ends of steps.
   double energy_work = 0, energy_gain = 0;
   SimulationViolation largest_violation;  ///< over all steps
   SimulationPhases phases;
@@ -279,7 +279,8 @@ struct SimulationSummary {
   // Results
   std::vector<std::pair<std::string, double>> values;  ///< the chosen quantities at the end
   std::vector<SimulationEnvelope> envelopes;           ///< of [output] envelopes
-  /// Of each solid: the largest von Mises stress at the nodes of its surface, in the pictures of the run's page.
+  /// The peak of each solid: the largest von Mises stress at the nodes of its surface, in the pictures of the run's
+  /// page.
   std::vector<SimulationExtreme> stress_peaks;
   std::vector<SimulationPath> paths;  ///< of [output.paths]
   std::vector<std::string> files;     ///< written: csv, pictures, restart

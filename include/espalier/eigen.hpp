@@ -80,7 +80,7 @@ class EigenSolver : public Eigen::SparseSolverBase<Derived> {
     if (espalier_set_option(solver_.get(), key, value) != ESPALIER_OK)
       throw std::invalid_argument(espalier_last_error(solver_.get()));
   }
-  /// Of the last factorization: inertia, determinant, rank (espalier.h).
+  /// Facts of the last factorization: inertia, determinant, rank (espalier.h).
   [[nodiscard]] const espalier_factor_info& factorInfo() const { return factor_info_; }
   /// The solver of the C interface, for what is not here.
   [[nodiscard]] espalier_solver* handle() { return solver_.get(); }

@@ -205,7 +205,7 @@ void espalier_destroy(espalier_solver* solver);
 const char* espalier_last_error(const espalier_solver* solver);
 /** The row of the caller's matrix that the last failure concerns, from 0 on; -1 when none does. */
 int64_t espalier_last_error_row(const espalier_solver* solver);
-/** Likewise the column, where it is the column that is known: of matrices by rows (ESPALIER_CSR). */
+/** The column of the last error, where it is the column that is known: of matrices by rows (ESPALIER_CSR). */
 int64_t espalier_last_error_column(const espalier_solver* solver);
 
 /**

@@ -40,7 +40,7 @@ struct HarmonicOptions {
 struct HarmonicPoint {
   double frequency = 0;
   bool solved = true;  ///< false: interpolated
-  /// Of the solution; singular: the frequency lies on a resonance without damping, responses are NaN.
+  /// The status of the solution; singular: the frequency lies on a resonance without damping, responses are NaN.
   Status status;
   double backward_error =
       0;  ///< |f - Z x|_inf / (|Z|_inf |x|_inf + |f|_inf), the largest of all loads; NaN: not solved

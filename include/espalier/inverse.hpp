@@ -19,7 +19,8 @@ struct InverseResult {
   /// and refined are compared (`checked`): all where there are no more than eight, else those whose rows of A X = I
   /// look worst (with L L^T those with the largest a_jj x_jj), and some others.
   double error = std::numeric_limits<double>::quiet_NaN();
-  /// Likewise over the entry itself: entries that are far smaller than the others of their column have fewer digits.
+  /// The same error over the entry itself: entries that are far smaller than the others of their column have fewer
+  /// digits.
   double entry_error = std::numeric_limits<double>::quiet_NaN();
   Index checked = 0;  ///< columns compared
   /// Columns that were solved for, since some of their entries lie outside the pattern of the factor.

@@ -27,7 +27,7 @@ enum class SensitivityMethod {
   /// that `defect` describes; else forward.
   automatic,
   forward,  ///< some solves for each parameter, and two models that live as long as the run
-  /// Of an equilibrium: one solve with the transposed stiffness for each quantity; of each parameter two models, one
+  /// For an equilibrium one solve with the transposed stiffness for each quantity; of each parameter two models, one
   /// after the other, at which the equations are looked at once. Of a motion: quantities at its end alone, by one way
   /// back through its steps, with a factor and some solves for each quantity in each of them; of each parameter two
   /// models, one after the other, at which the equations of all steps are looked at. Keeps all states in memory.

@@ -26,8 +26,8 @@ using ComplexSparseColumns = SparseColumnsOf<std::complex<double>>;
 /// read, the errors are those of a whole solution by the same factor, without refinement, for a random right-hand side:
 /// one solve and one residual for each factorization, when the first such call needs them.
 struct SolveRowsResult : SolveResult {
-  /// Of the factor's entries that were read, of both sweeps. 1: whole solutions were made and refined, and the errors
-  /// are theirs.
+  /// The share of the factor's entries that were read, of both sweeps. 1: whole solutions were made and refined, and
+  /// the errors are theirs.
   double share = 1;
 };
 

@@ -56,7 +56,7 @@ struct Options {
   /// as many GPUs at most.
   std::vector<Offset> device_memory_each_bytes;
   Offset host_memory_bytes = 0;  ///< budget on the host; 0: what is free
-  /// Of the host's memory that holds a factor out of core, what may be page-locked, which is done from the second
+  /// How much of the host's memory that holds a factor out of core may be page-locked, which is done from the second
   /// factorization on: GPUs reach it without a detour, but it cannot be swapped out. -1: half of the machine's memory.
   Offset pinned_memory_bytes = -1;
   /// A folder for what of the factor does not fit in the host's memory; empty: there is none. Its files have no names,
@@ -194,8 +194,8 @@ struct FactorReport {
   Index delayed = 0;           ///< columns whose elimination was moved to a later front by re-analysis
   double determinant_log = 0;  ///< natural logarithm of |det A|; NaN if more pivots were replaced than A has zeros
   Index rank = -1;             ///< n less the singular values that are zero to the rounding of the entries
-  /// Of a singular matrix: n - rank rows (from 0, ascending) that depend on others. lu: as many columns, likewise;
-  /// empty for a symmetric matrix, where they are the same.
+  /// The dependent rows of a singular matrix: n - rank rows (from 0, ascending) that depend on others. lu: as many
+  /// columns, likewise; empty for a symmetric matrix, where they are the same.
   std::vector<Index> dependent_rows;
   std::vector<Index> dependent_columns;
   Precision precision = Precision::fp64;  ///< of this factor; never automatic
@@ -208,10 +208,10 @@ struct FactorReport {
 /// What Solver::factorize() or refactorize() did.
 struct FactorResult : FactorReport {
   double determinant_sign = 0;  ///< -1, 0 or 1
-  /// Of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after another, the largest 1
-  /// in magnitude. Fewer, or none, where they would take far longer than the factorization and were not asked for
-  /// (more than eight, and n (n - rank)^2 above 4e6 and a sixteenth of its operations), or a factor gives no finite
-  /// numbers.
+  /// The null space of a singular matrix: n - rank vectors v with A v = 0 to rounding, n values each, one after
+  /// another, the largest 1 in magnitude. Fewer, or none, where they would take far longer than the factorization and
+  /// were not asked for (more than eight, and n (n - rank)^2 above 4e6 and a sixteenth of its operations), or a factor
+  /// gives no finite numbers.
   std::vector<double> null_vectors;
   /// lu: vectors w with A^T w = 0, likewise. Empty for a symmetric matrix, where they are the same.
   std::vector<double> left_null_vectors;

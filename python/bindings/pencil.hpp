@@ -25,7 +25,7 @@ inline MatrixView view_of(const Pointers& pointers, const Indices& indices, cons
   return view;
 }
 
-/// Of the environment and of what was given by name, interrupted by Python's signals.
+/// Options of the environment and of what was given by name, interrupted by Python's signals.
 inline Options pencil_solver(const std::vector<std::pair<std::string, std::string>>& given) {
   solver::Environment environment = solver::read_environment();
   if (!environment.status.ok()) throw Error(environment.status);

@@ -85,7 +85,7 @@ class Exported {
     const nb::dlpack::dtype t = array_.dtype();
     return (t.code < kKinds.size() ? kKinds[t.code] : '?') + std::to_string(t.bits * t.lanes / 8);
   }
-  // Of all dimensions; strides in elements.
+  // What `function` says of all dimensions; strides in elements.
   template <class Function>
   [[nodiscard]] nb::tuple all(Function function) const {
     nb::list list;

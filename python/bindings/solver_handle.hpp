@@ -112,7 +112,8 @@ class SolverHandle {
   RowsSolved solve_rows(const Pointers& pointers, const Indices& indices, const Values& values, const Indices& rows,
                         int transpose);
   ConditionResult condition();
-  /// Of the matrix that the C++ solver holds: see inverse.hpp. A pattern by its columns. transpose: of its transpose
+  /// The inverse of the matrix that the C++ solver holds: see inverse.hpp. A pattern by its columns. transpose: of its
+  /// transpose
   AnyInverse selected_inverse(const Pointers& pointers, const Indices& indices, bool transpose);
   AnyInverse inverse_blocks(Index size, Index n);
   /// @param values  of complex matrices their parts
@@ -120,7 +121,8 @@ class SolverHandle {
   Status save_analysis(const std::string& path);
   /// See espalier/factor_file.hpp. @throws std::logic_error without a factor
   Status save_factor(const std::string& path);
-  /// Of either sort of numbers; without a solver where it fails. @throws Error(invalid_input) for what is no such file
+  /// A factor of either sort of numbers; without a solver where it fails. @throws Error(invalid_input) for what is no
+  /// such file
   SavedFactor load_factor(const std::string& path);
   [[nodiscard]] Solver::State state();
   /// See Solver::has_pattern() and Solver::values().
@@ -148,7 +150,7 @@ class SolverHandle {
   /// Whether the caller's matrix is given by rows: the C++ solver holds its transpose, which is the matrix itself where
   /// it is symmetric, and its conjugate where it is Hermitian.
   [[nodiscard]] bool by_rows() const { return by_rows_; }
-  /// Of a real matrix: whether the C++ solver's calls are to be turned.
+  /// For a real matrix: whether the C++ solver's calls are to be turned.
   [[nodiscard]] bool transposed() const { return transposed_; }
 
  private:

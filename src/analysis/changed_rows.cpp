@@ -79,7 +79,8 @@ class ChangedRows {
     analysis::visit_neighbours(change_, column_of_row_, v, use);
   }
 
-  // Of a front that has not changed, in the order of now. @returns whether that is another one than before
+  // Keeps the rows of a front that has not changed, in the order of now. @returns whether that is another one than
+  // before
   bool keep_rows(Index f) {
     std::vector<Index>& list = rows_[at(f)] = rows_before(f);
     known_[at(f)] = 1;

@@ -14,7 +14,7 @@ namespace espalier::base {
 /// may read and write.
 class ScratchFile {
  public:
-  /// Of addresses, places and sizes.
+  /// The alignment of addresses, places and sizes.
   static constexpr std::int64_t kAlignment = 4096;
 
   /// @param needed  bytes that will be written, about

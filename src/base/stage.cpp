@@ -72,7 +72,7 @@ double StageBoard::seconds_left(const Stage& s, double seconds) {
   return share > 0 ? seconds * (1 - share) / share : std::numeric_limits<double>::quiet_NaN();
 }
 
-// Of the outermost stage that counts something, and what it is at.
+// The report of the outermost stage that counts something, and what it is at.
 ProgressReport StageBoard::report() const {
   ProgressReport r;
   if (open_.empty()) return r;

@@ -43,10 +43,10 @@ class Chunk {
   /// @throws Error(invalid_input)
   static std::optional<Index> wished_size();
 
-  /// Of one system repeated. @param context  outlives this
+  /// Makes a chunk of one system repeated. @param context  outlives this
   /// @throws Error(out_of_memory), Error(device_error)
   Chunk(const solver::SharedAnalysis& one, Index systems, const solver::Context& context);
-  /// Of systems beside each other, whose analysis is `joined`. The systems outlive this.
+  /// Makes a chunk of systems beside each other, whose analysis is `joined`. The systems outlive this.
   Chunk(solver::SharedAnalysis joined, const std::vector<const solver::System*>& systems,
         const solver::Context& context);
   /// Another one like it, with the same analysis.
@@ -77,7 +77,7 @@ class Chunk {
     std::vector<double> scaled;
   };
 
-  // Of the block-diagonal system, one after another.
+  // Vectors of the block-diagonal system, one after another.
   using Vectors = std::shared_ptr<double[]>;
 
   Chunk(solver::SharedAnalysis one, solver::SharedAnalysis all, std::vector<const solver::System*> systems,

@@ -35,7 +35,7 @@ class Chunk::Block {
     steps.reset();
   }
 
-  /// Of some of its right-hand sides.
+  /// Takes the result of some of its right-hand sides.
   void note(const solve::RefinementResult& r) {
     refined.error.normwise = std::max(refined.error.normwise, r.error.normwise);
     refined.error.componentwise = std::max(refined.error.componentwise, r.error.componentwise);

@@ -101,7 +101,7 @@ void Chunk::refine(const ChunkJob& job) {
   }
 }
 
-// Of blocks with so many columns in work.
+// Corrects the solutions of blocks with so many columns in work.
 void Chunk::correct(Index columns, bool transpose) {
   const auto takes_part = [&](const Block& block) {
     return !block.left && !block.steps->done() && block.steps->columns() == columns;

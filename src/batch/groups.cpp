@@ -138,7 +138,7 @@ void Groups::solve_in_lanes(std::span<const System> systems, const std::vector<N
   for (const auto& team : teams) seconds_ += team->seconds;
 }
 
-// Those of one pattern by a Batch; one that fails there is asked again. @returns the others
+// Solves the systems of one pattern by a Batch; one that fails there is asked again. @returns the others
 Groups::Numbers Groups::solve_equal(std::span<const System> systems, Numbers numbers, std::span<SystemResult> results) {
   const std::size_t least = wished_ > 0 ? at(wished_) : kLeastEqual;
   std::vector<char> done(systems.size(), 0);

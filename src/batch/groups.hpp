@@ -33,7 +33,7 @@ class Groups {
  private:
   using Numbers = std::vector<Index>;  // of systems
 
-  // Of teams, which work beside each other.
+  // Times of teams, which work beside each other.
   struct Seconds {
     double order = 0, plan = 0, solve = 0, others = 0;
     Seconds& operator+=(const Seconds& s) {

@@ -6,7 +6,7 @@
 
 namespace espalier::batch {
 
-/// Of a regular symmetric matrix at least so many eigenvalues are negative.
+/// A lower bound of the number of negative eigenvalues of a regular symmetric matrix.
 Index least_negative(const MatrixView& a);
 
 }  // namespace espalier::batch

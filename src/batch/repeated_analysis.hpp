@@ -7,8 +7,8 @@
 
 namespace espalier::batch {
 
-/// Of the block-diagonal system with `copies` blocks of that pattern: order, scaling, matching and tiles of each block
-/// are those of `one`.
+/// The analysis of the block-diagonal system with `copies` blocks of that pattern: order, scaling, matching and tiles
+/// of each block are those of `one`.
 /// @throws Error(out_of_memory)
 solver::SharedAnalysis repeated_analysis(const solver::Analysis& one, Index copies, const solver::Context& context);
 

@@ -9,8 +9,8 @@
 
 namespace espalier::batch {
 
-/// Of a session that works beside others: it must not call back from threads of ours, and they share what memory there
-/// is.
+/// The options of a session that works beside others: it must not call back from threads of ours, and they share what
+/// memory there is.
 Options options_of_worker(Options o, int threads, int workers);
 
 /// one(worker, k) for all k below `count`, each worker one at a time.

@@ -19,7 +19,7 @@ class CMatrix {
   template <class Matrix>
   CMatrix(const Matrix& a, bool values_needed);
 
-  /// Of a complex matrix without values.
+  /// The view of a complex matrix without values.
   [[nodiscard]] const MatrixView& view() const { return view_; }
   [[nodiscard]] bool complex() const { return complex_; }
   /// @pre complex()

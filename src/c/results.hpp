@@ -18,7 +18,7 @@ espalier_factor_info to_c(const FactorResult& r);
 espalier_factor_info to_c(const ComplexFactorResult& r);
 espalier_solve_info to_c(const SolveResult& r);
 
-/// Of the caller's matrix.
+/// The null space of the caller's matrix.
 struct NullSpace {
   std::vector<Index> rows;
   std::vector<double> vectors;  ///< of complex matrices their parts

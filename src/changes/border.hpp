@@ -40,7 +40,7 @@ class Border {
     Index place;                      ///< in the block
     bool refined = false;
 
-    /// Of the transposed system, if `turned`.
+    /// The column of the border; that of the transposed system, if `turned`.
     [[nodiscard]] const SparseVector& column_of(bool turned) const { return turned ? row : column; }
     [[nodiscard]] const SparseVector& row_of(bool turned) const { return turned ? column : row; }
   };

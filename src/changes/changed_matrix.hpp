@@ -36,7 +36,7 @@ struct Item {
   double corner = 0;       ///< its own entry
   bool auxiliary = false;  ///< of low rank: its unknown is -(row x) / corner, which is not 0
   [[nodiscard]] bool symmetric() const { return column == row; }
-  /// Of the transposed matrix, if `turned`.
+  /// The column of an item; that of the transposed matrix, if `turned`.
   [[nodiscard]] const SparseVector& column_of(bool turned) const { return turned ? row : column; }
   [[nodiscard]] const SparseVector& row_of(bool turned) const { return turned ? column : row; }
 };
@@ -58,7 +58,7 @@ class ChangedMatrix {
   [[nodiscard]] bool counts(Index entity) const { return alive(entity) && !auxiliary(entity); }
   /// @pre entity >= n()
   [[nodiscard]] const Item& item(Index entity) const { return items_[static_cast<std::size_t>(entity - n_)]; }
-  /// Of two entities of which one is an item, what stands in this row and column: the later one says it.
+  /// The coupling of two entities of which one is an item, what stands in this row and column: the later one says it.
   [[nodiscard]] double coupling(Index row, Index column) const;
 
   /// An unknown with the next number. @param item  over entities

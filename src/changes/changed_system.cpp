@@ -120,7 +120,7 @@ struct ChangedSystem::Impl {
   bool folds = true;
 };
 
-// Of the corner, what stands between two new ones belongs to the later one.
+// In the corner, what stands between two new ones belongs to the later one.
 void ChangedSystem::Impl::add(const std::vector<SparseVector>& columns, const std::vector<SparseVector>& rows,
                               std::span<const double> corner) {
   const std::size_t count = columns.size();

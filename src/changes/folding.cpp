@@ -46,7 +46,7 @@ class Folding {
     folded_.row_ind.push_back(row);
     folded_.values.push_back(value);
   }
-  // Of the identity's row in the place of one that is not alive.
+  // The diagonal entry of the identity's row in the place of one that is not alive.
   double scale(Index e) {
     const double usual = e < matrix_.n() ? original_.row_sums()[at(e)] : std::abs(matrix_.item(e).corner);
     return usual > 0 && std::isfinite(usual) ? usual : 1;

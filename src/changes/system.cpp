@@ -24,7 +24,7 @@ constexpr Index kGivenSlot = 10, kFoundSlot = 11, kRestSlot = 12;
 
 solver::Session& session_of(Solver& s) { return solver::SolverAccess::session(s); }
 
-// Of a sweep up and down the factor, in floating-point operations: it waits for memory.
+// The work of a sweep up and down the factor, in floating-point operations: it waits for memory.
 double sweep_work(const Base& base, Index columns) {
   constexpr double kEntry = 120, kColumn = 10;
   const auto entries = static_cast<double>(base.session().analysis.nonzeros_factor);
@@ -32,7 +32,7 @@ double sweep_work(const Base& base, Index columns) {
   return entries * (kEntry * sweeps + kColumn * static_cast<double>(columns));
 }
 
-// Of a factorization, with what comes before.
+// The work of a factorization, with what comes before.
 double factorization_work(const Base& base, bool same_pattern) {
   constexpr double kCall = 2e5, kEntry = 20, kAnalysis = 1000;  // of a call; an entry: copied, analyzed
   return base.session().analysis.flops + kCall +

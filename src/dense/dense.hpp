@@ -110,7 +110,7 @@ struct QrFactors {
 [[nodiscard]] MatrixXcd qr_triangle(const MatrixXcd& a);
 /// The x of least length among those with the least |A x - b|. @param dependent as for pivoted_columns()
 [[nodiscard]] VectorXd least_squares(const MatrixXd& a, const VectorXd& b, double dependent);
-/// Likewise for each column of B; what depends is told by rounding.
+/// The same for each column of B; what depends is told by rounding.
 [[nodiscard]] MatrixXd least_squares(const MatrixXd& a, const MatrixXd& b);
 /// x := U^-1 x, x := U^-H x for an upper triangle U without zeros on its diagonal.
 void solve_upper(const MatrixXcd& u, VectorXcd& x);
@@ -154,7 +154,7 @@ class Lu {
   void solve(const Eigen::Ref<const VectorXd>& b, Eigen::Ref<VectorXd> x) const;
   /// Diagonal of U.
   [[nodiscard]] VectorXd pivots() const;
-  /// Of the permutation P: 1 or -1.
+  /// The sign of the permutation P: 1 or -1.
   [[nodiscard]] int permutation_sign() const;
   /// Estimate of the reciprocal condition in the 1-norm.
   [[nodiscard]] double rcond() const;

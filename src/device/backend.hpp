@@ -94,8 +94,8 @@ struct Job {
   std::vector<Offset> memory_bytes = {};  ///< by device; its budget, 0: what is free. Empty: all are 0
   /// Ranks that share the plan (PlanOptions::ranks); null: this process alone. All of them make the executor.
   ranks::Communicator* link = nullptr;
-  /// Of a real form of a complex system (solver/analysis/real_form.hpp): 1, of a Hermitian one -1; else 0. For backends
-  /// that can make one column of a number's two from the other.
+  /// The sign of a pair: of a real form of a complex system (solver/analysis/real_form.hpp): 1, of a Hermitian one -1;
+  /// else 0. For backends that can make one column of a number's two from the other.
   int pair_sign = 0;
 };
 
@@ -144,7 +144,7 @@ class Backend {
   /// @param threads  of the host
   [[nodiscard]] virtual Offset executor_bytes(const plan::Plan& plan, Kind kind, Precision precision,
                                               int threads) const = 0;
-  /// Of complex numbers: only where limits().complex says so.
+  /// The same of complex numbers: only where limits().complex says so.
   [[nodiscard]] virtual Offset complex_executor_bytes(const plan::Plan& /*plan*/, Kind /*kind*/,
                                                       Precision /*precision*/, int /*threads*/) const {
     refuse_complex();
@@ -167,7 +167,7 @@ class Backend {
   /// In core. @throws Error(out_of_memory) naming the bytes needed; Error(device_error) with the failing call
   [[nodiscard]] virtual std::unique_ptr<Executor<double>> make_executor(const Job& job, Scalar<double>) const = 0;
   [[nodiscard]] virtual std::unique_ptr<Executor<float>> make_executor(const Job& job, Scalar<float>) const = 0;
-  /// Of complex numbers: only where limits().complex says so. @throws Error(device_error) elsewhere
+  /// The same of complex numbers: only where limits().complex says so. @throws Error(device_error) elsewhere
   [[nodiscard]] virtual std::unique_ptr<Executor<std::complex<double>>> make_executor(
       const Job& /*job*/, Scalar<std::complex<double>>) const {
     refuse_complex();

@@ -24,7 +24,7 @@ class Determinant {
     mantissa_ *= factor;
     if (std::abs(mantissa_) > kLarge || std::abs(mantissa_) < kSmall) normalize();
   }
-  /// Of complex numbers the magnitudes are multiplied as above, and what is left of them is kept apart.
+  /// The magnitudes of complex numbers are multiplied as above, and what is left of them is kept apart.
   void multiply(std::complex<double> factor) {
     const double magnitude = std::abs(factor);
     multiply(magnitude);

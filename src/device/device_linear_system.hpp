@@ -44,7 +44,7 @@ struct LinearSystemArrays {
 /// say that they wait.
 class DeviceLinearSystem : public PartSpace {
  public:
-  /// Of the device, as its runtime counts.
+  /// The number of the device, as its runtime counts.
   [[nodiscard]] virtual int number() const = 0;
   /// Takes a copy of new values and scales it for the factorization.
   virtual void take_values(const double* values) = 0;

@@ -27,7 +27,7 @@ struct Registry {
       if (b->name() == name) return b;
     return nullptr;
   }
-  /// Likewise of those that were left out.
+  /// The same of those that were left out.
   [[nodiscard]] const LeftOut* find_left_out(std::string_view name) const {
     for (const LeftOut& l : left_out)
       if (l.name == name) return &l;

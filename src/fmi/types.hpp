@@ -10,7 +10,7 @@ namespace espalier::fmi {
 
 using ValueReference = std::uint32_t;  // unsigned int in FMI 2
 
-/// Of both standards; FMI 3 has no `pending`.
+/// The status of both standards; FMI 3 has no `pending`.
 enum class FmiStatus : int { ok, warning, discard, error, fatal, pending };
 
 /// True and false of FMI 2.
@@ -77,7 +77,7 @@ using DoStep = FmiStatus (*)(void* c, double time, double step, bool no_set_stat
 
 }  // namespace fmi3
 
-/// Of both: states as they are, and as bytes.
+/// The calls of both: states as they are, and as bytes.
 using GetState = FmiStatus (*)(void* c, void** state);
 using SetState = FmiStatus (*)(void* c, void* state);
 using StateSize = FmiStatus (*)(void* c, void* state, std::size_t* size);

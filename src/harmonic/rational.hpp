@@ -21,7 +21,7 @@ class Rational {
            std::vector<std::size_t> support = {});
   /// @param y  any components at all the samples of fit()
   [[nodiscard]] Eigen::VectorXcd evaluate(double s, const Eigen::MatrixXcd& y) const;
-  /// Of the components of fit().
+  /// The values of the components of fit().
   [[nodiscard]] Eigen::VectorXcd evaluate(double s) const { return evaluate(s, y_); }
   /// Complex s at which the denominator vanishes; found at the first call after fit().
   [[nodiscard]] const std::vector<std::complex<double>>& poles() const;

@@ -19,7 +19,7 @@ struct Peak {
   Index load = 0, output = 0;  ///< from 0
   double frequency = 0, amplitude = 0, phase = 0;
 };
-/// Of each load and output, but for those without any number.
+/// The peaks of each load and output, but for those without any number.
 [[nodiscard]] std::vector<Peak> highest(const HarmonicResult& r);
 
 /// Lines of CSV, each with its end: frequency, solved (1) or interpolated (0), backward_error, error_estimate, then

@@ -93,7 +93,7 @@ void Teams::begin(double frequency) {
 
 // Several at a time pay where the threads have too little to do in one factor, and where memory is no matter.
 int Teams::most_teams() const {
-  // Of a factorization, for each thread. Elasticity with two threads of two cores, 30 frequencies: 2e8 to 3e9
+  // The work of a factorization, for each thread. Elasticity with two threads of two cores, 30 frequencies: 2e8 to 3e9
   // operations take 5 to 15 % less time side by side, 6e9 take 5 % more (design/harmonic.md).
   constexpr double kMostFlops = 2e9;
   constexpr double kShareOfMachine = 0.25;  // of memory, where the caller sets no limit

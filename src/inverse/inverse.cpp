@@ -56,7 +56,7 @@ void for_each_entry(const View& a, Index begin, Index end, Use&& use) {
       use(a.row_ind[static_cast<std::size_t>(q)], j, static_cast<std::size_t>(q));
 }
 
-// Of a symmetric matrix both triangles of the inverse are the same.
+// In a symmetric matrix both triangles of the inverse are the same.
 bool either_triangle(const solver::Session& s) {
   const solver::PreparedMatrix& p = s.current().system->prepared;
   return p.a.storage != Storage::general && p.numbers != base::Numbers::hermitian;

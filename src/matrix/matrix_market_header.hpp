@@ -18,7 +18,7 @@ struct MatrixMarketHeader {
   const char* sizes = nullptr;  ///< begin of the size line in the text
   const char* data = nullptr;   ///< begin of the line after the size line
 
-  /// Of an array.
+  /// The numbers of an array.
   [[nodiscard]] Offset numbers() const { return complex ? 2 * count : count; }
 };
 

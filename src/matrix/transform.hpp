@@ -17,7 +17,7 @@ SparseMatrix transpose(const MatrixView& a);
 SparseMatrix to_general(const MatrixView& a, base::ThreadPool* pool = nullptr);
 
 /// The lower triangle of a symmetric matrix of any symmetric storage: rows rising, duplicates summed.
-/// Of symmetric_both the entries above the diagonal are left out, unread.
+/// In symmetric_both the entries above the diagonal are left out, unread.
 /// @throws std::invalid_argument when `a` is general
 SparseMatrix to_lower(const MatrixView& a, base::ThreadPool* pool = nullptr);
 

@@ -162,7 +162,7 @@ class Residuals {
       : k_(rows.asDiagonal() * k * columns.asDiagonal()),
         c_(rows.asDiagonal() * c * columns.asDiagonal()),
         m_(rows.asDiagonal() * m * columns.asDiagonal()) {}
-  /// Of z, x over its scale.
+  /// The residual of z, x over its scale.
   [[nodiscard]] double operator()(Complex l, const VectorXcd& z) const {
     const double a = std::abs(l), size = a * a * m_norm_ + a * c_norm_ + k_norm_;
     return (dense::real_times_complex(k_, z) + l * dense::real_times_complex(c_, z) +

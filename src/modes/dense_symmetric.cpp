@@ -44,7 +44,7 @@ class ShiftedPencil {
 
   [[nodiscard]] Eigen::Index rows() const { return n_; }
   [[nodiscard]] Eigen::Index finite() const { return n_ - border_; }
-  /// Of the size of the largest eigenvalue.
+  /// The estimate of the size of the largest eigenvalue.
   [[nodiscard]] double largest() const {
     const double norm = k_.topLeftCorner(n_, n_).cwiseAbs().rowwise().sum().maxCoeff();
     return norm > 0 ? norm : 1;

@@ -81,12 +81,12 @@ bool is_definite(const SparseMatrix& m11, const Options& options) {
   if (factor.status.code != StatusCode::not_positive_definite && factor.status.code != StatusCode::singular &&
       !factor.status.ok())
     throw Error(factor.status);
-  // Of a singular one rounding may leave pivots above zero: then its rank is looked at.
+  // In a singular one rounding may leave pivots above zero: then its rank is looked at.
   constexpr double kNearlySingular = 1e12;
   return factor.status.ok() && solver.condition_estimate().estimate < kNearlySingular;
 }
 
-// Of M11, by a factorization.
+// A check of M11, by a factorization.
 void check_definite(const SparseMatrix& m, const Places& places, const Options& options, MassReport& report,
                     Columns& null) {
   const SparseMatrix m11 = part(m, places.with, places.massive);

@@ -14,7 +14,7 @@ namespace espalier::modes {
 
 namespace {
 
-// Of the machine's memory, where the caller sets no limit: the rest is for the factor, and for others.
+// A share of the machine's memory, where the caller sets no limit: the rest is for the factor, and for others.
 constexpr double kShareOfMachine = 0.25;
 
 base::Interruption::Clock::duration period_of(const Options& o) {

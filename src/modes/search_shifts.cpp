@@ -11,8 +11,8 @@ namespace espalier::modes {
 
 namespace {
 
-// Of the largest eigenvalue: so far below zero the search begins, that a free body's K - s M is well conditioned and
-// its elastic modes are far from the shift.
+// A share of the largest eigenvalue: so far below zero the search begins, that a free body's K - s M is well
+// conditioned and its elastic modes are far from the shift.
 constexpr double kBelowZero = 1e-7;
 constexpr Index kInOneSlice = 160;  // modes between two shifts: more are shared with a shift between them
 constexpr int kAttempts = 3;        // searches from one shift

@@ -47,7 +47,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Takes the arena and the staging ring, and lays out the tables. The plan must outlive the backend.
   /// @throws AllocationRefused when the device has less
   virtual void prepare(const OutOfCorePlan& plan, int slots, Offset slot_bytes) = 0;
-  /// Of the host's memory, bytes that prepare() and a solution for one right-hand side take of its budget.
+  /// Bytes of the host's memory that prepare() and a solution for one right-hand side take of its budget.
   [[nodiscard]] virtual Offset host_bytes(const OutOfCorePlan& /*plan*/, int /*slots*/, Offset /*slot_bytes*/) const {
     return 0;
   }
@@ -96,7 +96,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.
   virtual void mark(Queue queue, std::int64_t number) = 0;
   virtual void wait_for_mark(Queue queue, Queue other, std::int64_t number) = 0;
-  /// Likewise for the mark of another device's backend, of the same sort.
+  /// Waits in the same way for the mark of another device's backend, of the same sort.
   virtual void wait_for_mark(Queue queue, OutOfCoreBackend<T>& of, Queue other, std::int64_t number) = 0;
   /// Blocks the caller instead.
   virtual void wait_until(Queue queue, std::int64_t number) = 0;
@@ -105,7 +105,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   /// After a failure: lets what runs come to an end.
   virtual void abandon() noexcept = 0;
   virtual device::FactorOutcome outcome() = 0;
-  /// Of the last factorization.
+  /// The times of the last factorization.
   [[nodiscard]] virtual device::OperationTimes times() const = 0;
   /// Several devices: takes over what another backend of the same sort keeps of its pivots for solves.
   virtual void take_pivots(OutOfCoreBackend<T>& from) = 0;

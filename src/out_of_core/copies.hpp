@@ -44,7 +44,7 @@ class HostExtents {
 /// Places of the values of A that a step or group needs, in the order of its entries.
 class EntryRanges {
  public:
-  /// Of the load_values operation `op`.
+  /// Takes the ranges of the load_values operation `op`.
   void set(const OutOfCoreLayout& layout, const OutOfCorePlan& units, const Operation& op);
   [[nodiscard]] Offset size() const { return end_.empty() ? 0 : end_.back(); }
   /// Values [begin, begin + size) to `to`.

@@ -29,7 +29,7 @@ class PartialRun {
   [[nodiscard]] std::span<const LeftContribution> brought(const Operation& op) const;
 
  private:
-  // Of the unit that computes it.
+  // The fronts of the unit that computes it.
   [[nodiscard]] std::span<const Index> fronts_of(const Operation& op) const;
 
   const plan::Plan* plan_ = nullptr;

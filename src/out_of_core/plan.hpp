@@ -167,7 +167,7 @@ struct PlanningRates {
   /// One device: later runs shall make some units again (PartialRun). So all factors go to the store, and so do the
   /// contributions between units, each to a place of its own.
   bool keep_contributions = false;
-  // Of a solve: bytes of the factor in a second (docs/notebook/out_of_core.md, "Factors that stay").
+  // The rates of a solve: bytes of the factor in a second (docs/notebook/out_of_core.md, "Factors that stay").
   double host_solve = 55e9;      ///< read by the host's threads (16 of them: 35 to 60)
   double device_solve = 2.5e12;  ///< by the device, in its own memory
 };

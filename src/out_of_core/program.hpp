@@ -89,7 +89,7 @@ class Program {
 
   /// Room in a device's arena; sends away what is needed last. @returns the place, or -1
   Offset take(Index device, Offset bytes, bool lasting);
-  /// Likewise. @throws NoRoom
+  /// Adds a need of memory in the same way. @throws NoRoom
   Offset need(Index device, Offset bytes, bool lasting = false);
   /// For what stays until the end of the factorization, or of its unit. @throws NoRoom
   Offset need_first(Index device, Offset bytes);

@@ -19,8 +19,8 @@ Offset elements_with_room(const MemoryPlan& memory);
 /// Which front of a changed plan was which before; by front now. See fronts_that_stay() for changed patterns.
 struct FrontsBefore {
   std::vector<Index> front;  ///< ascending; what has vanished is not among them
-  /// Likewise, where the front has the same columns, rows, tiles, tasks and places in memory. -1: it is another one;
-  /// its arrays may lie elsewhere.
+  /// Fronts of before in the same way, where the front has the same columns, rows, tiles, tasks and places in memory.
+  /// -1: it is another one; its arrays may lie elsewhere.
   std::vector<Index> same;
   /// It is the pattern that has changed: the next values are others as well, and `front` is empty.
   bool of_pattern = false;

@@ -8,7 +8,7 @@
 
 namespace espalier::plan {
 
-/// Of the tree, who makes what, and the order in which each does it.
+/// A fingerprint of the tree, who makes what, and the order in which each does it.
 /// @param kind      of the factorization
 /// @param maker_of  (front, tile column): who makes it
 template <class MakerOf>

@@ -19,7 +19,7 @@ class LongestPath {
  public:
   explicit LongestPath(const analysis::AssemblyTree& tree)
       : tree_(tree), to_(static_cast<std::size_t>(tree.fronts()), 0) {}
-  // Of all fronts, in ascending order.
+  // The costs of all fronts, in ascending order.
   void add(Index f, double length) {
     double& mine = to_[static_cast<std::size_t>(f)];
     mine += length;

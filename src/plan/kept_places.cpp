@@ -71,7 +71,7 @@ class PlaceKeeper {
       if (task.is_range()) place_on_stack(plan_, task, m_, [this](Index f) { return contribution_size(f); });
   }
 
-  // Of an array; `before`: where it has lain, -1: it is another one, or had no place.
+  // The place of an array; `before`: where it has lain, -1: it is another one, or had no place.
   void list(Offset* place, Offset size, Offset before) {
     needed_ += size;
     if (before < 0) {

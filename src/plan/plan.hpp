@@ -139,8 +139,8 @@ struct MemoryPlan {
   std::vector<Offset> device_size;
 };
 
-/// Of several ranks, each has the plan's long arrays for what it knows alone (plan/rank_parts.hpp): rows of fronts,
-/// tiles, places of entries, tasks. Of the tree, sizes, layout and owners all ranks know all.
+/// Where there are several ranks, each has the plan's long arrays for what it knows alone (plan/rank_parts.hpp): rows
+/// of fronts, tiles, places of entries, tasks. Of the tree, sizes, layout and owners all ranks know all.
 struct Plan {
   analysis::AssemblyTree tree;  ///< several ranks: tree.rows are found by row_begin, not by tree.row_ptr
   PlanOptions options;

@@ -29,7 +29,7 @@ class Message {
       : bytes_(sizeof(Header) + body_bytes), data_(std::make_shared_for_overwrite<std::byte[]>(bytes_)) {
     set_header({});
   }
-  /// Of all its bytes, header included.
+  /// A message of all its bytes, header included.
   static Message of_bytes(std::size_t bytes) {
     Message m;
     m.bytes_ = bytes;

@@ -23,7 +23,7 @@ class Partition {
   [[nodiscard]] const std::vector<Index>& unknowns() const { return unknowns_; }
   /// Unknowns of the rest, ascending.
   [[nodiscard]] const std::vector<Index>& rest() const { return rest_; }
-  /// Those of `order` that belong to the rest, by their numbers there.
+  /// The unknowns of `order` that belong to the rest, by their numbers there.
   [[nodiscard]] std::vector<Index> rest_of(std::span<const Index> order) const;
 
   /// A_rr in the storage of A, without values; and what couples it with the list.

@@ -82,7 +82,7 @@ class ResidualOperator final : public ResidualSpace {
   void copy(const double* from, double* to) const override;
   bool add(const double* from, double* to) const override;
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override;
-  /// Of the pattern; empty where both triangles are stored.
+  /// The row index of the pattern; empty where both triangles are stored.
   [[nodiscard]] const matrix::RowIndex& row_index() const { return *rows_; }
   [[nodiscard]] Offset bytes() const;
 

@@ -55,7 +55,7 @@ double eliminate(Pattern& a, std::size_t v, const std::vector<Index>& weight) {
   return k * k * k / 3 + k * k * d + k * d * d;
 }
 
-// Of the first `inner` vertices.
+// The operations of the first `inner` vertices.
 double exact_minimum_degree_flops(const Graph& g, const std::vector<Index>& weight, std::size_t inner) {
   Pattern a = dense(g);
   std::vector<char> gone(a.size(), 0);

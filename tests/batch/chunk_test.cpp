@@ -105,7 +105,7 @@ TEST(BatchChunks, FailuresTouchNobodyElse) {
   }
 }
 
-// Of positive definite systems a factorization names one that is none.
+// Among positive definite systems a factorization names one that is none.
 TEST(BatchChunks, SomeIndefiniteSystemsLeaveTheOthersTogether) {
   const SparseMatrix a = reference::random_system(20, 3, reference::Values::positive, 1);
   constexpr Index kCount = 64;

@@ -70,7 +70,7 @@ struct DeviceMemory {
   std::vector<std::byte> values;
 };
 
-/// Of all of them; outlives all ranks, as memory does that others have open.
+/// The devices of all of them; outlives all ranks, as memory does that others have open.
 struct Devices {
   std::mutex mutex;  // between kernels and copies
   std::vector<DeviceMemory> memory;
@@ -200,7 +200,7 @@ class Rank {
  private:
   [[nodiscard]] DeviceMemory& of(int rank) const { return devices_.memory[static_cast<std::size_t>(rank)]; }
   [[nodiscard]] DeviceMemory& mine() const { return of(number()); }
-  // Those of this machine.
+  // The ranks of this machine.
   [[nodiscard]] std::vector<int> near() const {
     std::vector<int> list;
     for (int r = 0; r < s_.ranks; ++r)

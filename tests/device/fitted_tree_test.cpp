@@ -29,7 +29,7 @@ class FittedTree : public ::testing::TestWithParam<Parameter> {
     tree_ = analysis::build_tree(graph_, {}, pool_);
     options_ = device::cuda::cuda_plan_options(GetParam().kind);
   }
-  // Of all factors of the plan's tree.
+  // The elements of all factors of the plan's tree.
   [[nodiscard]] static Offset factor_elements(const plan::Plan& plan) {
     Offset sum = 0;
     for (const Offset size : plan::array_sizes(plan).factor) sum += size;

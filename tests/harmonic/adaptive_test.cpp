@@ -287,8 +287,8 @@ TEST(HarmonicEdges, TheLowestFrequencyIsSingular) {
   EXPECT_EQ(static_cast<int>(a.response(o).status.code), static_cast<int>(StatusCode::singular));
 }
 
-// Of rank 3, with damping beta K: four motions are free. The function with the last checks in it has a pole of its own
-// beside the samples at 1e-4 of the range; it was not looked at. Truth: the dense answer, and the estimates.
+// A mass of rank 3, with damping beta K: four motions are free. The function with the last checks in it has a pole of
+// its own beside the samples at 1e-4 of the range; it was not looked at. Truth: the dense answer, and the estimates.
 TEST(HarmonicEdges, TheLastFunctionIsLookedAt) {
   constexpr double kTolerance = 1e-7;
   Case a{Eigen::MatrixXd(7, 7), {}, Eigen::MatrixXd::Identity(7, 7), Eigen::MatrixXcd(7, 1)};

@@ -4,7 +4,7 @@ import pathlib
 import re
 import sys
 
-# Of modes with one frequency (bending of a beam in both directions) any pair will do, and these follow the pair.
+# For modes with one frequency (bending of a beam in both directions) any pair will do, and these follow the pair.
 FOLLOWS_THE_PAIR = re.compile(r"P A R T I C I P A T I O N|E F F E C T I V E")
 HEADING = re.compile(r"(?:[A-Z] ){4}")
 # Zero eigenvalues, and stresses of a mode that is one of such a pair: both libraries are right.

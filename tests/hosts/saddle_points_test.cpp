@@ -280,7 +280,7 @@ double distance(const Reals& x, const Reals& y) {
 using reference::Corner;
 using reference::SaddleShape;
 
-// Of square B: no smaller than B's own singular values, whatever the corners are.
+// The shapes of square B: no value smaller than B's own singular values, whatever the corners are.
 std::vector<SaddleShape> square_shapes(double size, Index half, std::uint64_t seed) {
   return {{half, half, Corner::zero, Corner::identity, 0, size, seed},
           {half, half, Corner::identity, Corner::zero, size, 0, seed + 1},

@@ -223,7 +223,7 @@ TEST(SelectedInverse, OutOfCore) {
   }
 }
 
-// Of a circulant the variance is the mean of 1 / eigenvalue; on a torus of m x m likewise.
+// In a circulant the variance is the mean of 1 / eigenvalue; on a torus of m x m likewise.
 TEST(SelectedInverse, VariancesOfAMarkovFieldOnATorus) {
   constexpr Index kSide = 12;
   constexpr double kKappa = 0.3;

@@ -101,7 +101,7 @@ TEST_F(ModesOnGpu, BlocksAreThoseOfTheHost) {
   const std::unique_ptr<device::TallSpace> space = gpu()->make_tall_space(n, 0, 0);
   base::ThreadPool pool(2);
   const modes::HostBlocks here(pool, n);
-  const modes::DeviceBlocks there(*space, pool);
+  const modes::DeviceBlocks on_gpu(*space, pool);
   std::vector<double> v = reference::random_vector(Offset{n} * p, 1), w = reference::random_vector(Offset{n} * b, 2);
   double* const on_v = space->block(0, p);
   double* const on_w = space->block(1, b);
@@ -115,13 +115,13 @@ TEST_F(ModesOnGpu, BlocksAreThoseOfTheHost) {
     EXPECT_LT(worst, 1e-9);
   };
   const modes::Dense h = here.gram(v.data(), p, w.data(), b);
-  EXPECT_LT((there.gram(on_v, p, on_w, b) - h).cwiseAbs().maxCoeff(), 1e-9);
+  EXPECT_LT((on_gpu.gram(on_v, p, on_w, b) - h).cwiseAbs().maxCoeff(), 1e-9);
   const modes::Dense small = h / n;
   here.subtract(v.data(), small, w.data());
-  there.subtract(on_v, small, on_w);
+  on_gpu.subtract(on_v, small, on_w);
   expect_same(on_w, w, b);
   here.combine(v.data(), small, v.data());
-  there.combine(on_v, small, on_v);
+  on_gpu.combine(on_v, small, on_v);
   expect_same(on_v, v, b);
   Eigen::VectorXd squares(b);
   space->weighted_squares(on_v, on_w, b, squares.data());

@@ -268,7 +268,7 @@ class OutOfCoreOnDisk : public test::OutOfCoreFactorization {
     disk_ = {};
     return executor;
   }
-  // Of the store, and of its largest front.
+  // The bytes of the store, and of its largest front.
   [[nodiscard]] Offset store_bytes(Offset budget) { return start(budget)->out_of_core().store_bytes; }
   [[nodiscard]] Offset least_window() const {
     Offset most = 0;

@@ -190,7 +190,7 @@ TEST(OwnershipOfPivots, AMemberTakesNoMoreColumnsThanItWorksOnAtATime) {
   for (Index j = late; j + 3 < late + 16; ++j)
     four = four || (owner(j) == owner(j + 1) && owner(j) == owner(j + 2) && owner(j) == owner(j + 3));
   EXPECT_TRUE(four);
-  // Of a small front all eight go together.
+  // In a small front all eight go together.
   const plan::Plan small = plan_with_root(2000);
   for (Index j = 1; j < 8; ++j) EXPECT_EQ(small.ownership.owner(2, j), small.ownership.owner(2, 0));
   EXPECT_NE(small.ownership.owner(2, 8), small.ownership.owner(2, 0));

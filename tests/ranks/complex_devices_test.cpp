@@ -76,7 +76,7 @@ struct Answer {
   std::vector<double> x;
 };
 
-// Of a matrix that is analyzed: values twice, since the first ones have been on the host at the analysis.
+// The answer of a matrix that is analyzed: values twice, since the first ones have been on the host at the analysis.
 Answer answer_of(Caller& caller, const std::vector<double>& values, const std::vector<double>& b, bool transpose) {
   Answer r;
   (void)caller.refactorize(values);

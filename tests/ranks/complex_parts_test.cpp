@@ -197,7 +197,7 @@ TEST_P(ComplexParts, General) {
   solve_by_rows_on_ranks(a, entries_of(a), Storage::general, Transpose::conjugate);
 }
 
-// Of either triangle and of both; what is given as the upper triangle is kept as the lower one.
+// Matrices of either triangle and of both; what is given as the upper triangle is kept as the lower one.
 TEST_P(ComplexParts, SymmetricAndHermitian) {
   using reference::Values;
   for (const Values values : {Values::positive, Values::indefinite})

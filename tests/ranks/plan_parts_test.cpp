@@ -47,7 +47,7 @@ Plan plan_of(const System& s, Index ranks, Index rank) {
 
 using Entry = std::tuple<Offset, Index, Index, bool>;
 
-// Of tiles [first, end).
+// The entries of tiles [first, end).
 std::vector<Entry> entries_of(const Plan& p, Offset first, Offset end) {
   std::vector<Entry> list;
   for (auto q = static_cast<std::size_t>(p.entry_ptr[static_cast<std::size_t>(first)]);

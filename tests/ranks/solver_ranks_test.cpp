@@ -102,7 +102,7 @@ void expect_bits_of_one(const Wanted& w, std::vector<int> counts = {2, 3, 4, 8},
   }
 }
 
-// Of rank 0.
+// The answer of rank 0.
 Answer of_ranks(const Wanted& w, int count) {
   Answer first;
   on_threads(count, {}, [&](const Ranks& ranks) {

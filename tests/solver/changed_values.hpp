@@ -78,7 +78,7 @@ std::vector<T> some_right_hand_side(Index rows, unsigned seed) {
   return b;
 }
 
-/// Of a sequence of changed values. Adds to `shares`, if it is there.
+/// A check of a sequence of changed values. Adds to `shares`, if it is there.
 template <class AnySolver, class Matrix>
 void expect_bits_of_all(Options options, Options full_options, const Matrix& a, unsigned seed, int rounds,
                         Shares* shares = nullptr) {

@@ -19,7 +19,7 @@ class FakeBackend final : public device::Backend {
   }
   [[nodiscard]] device::Limits limits() const override { return {4, widest_tile, true}; }
   [[nodiscard]] const plan::MachineModel& model(const plan::Machine& machine) const override { return machine.gpu; }
-  // Of work that devices share and the host never does as fast.
+  // The prediction of work that devices share and the host never does as fast.
   [[nodiscard]] device::PredictedTime predict(const analysis::AssemblyTree&, const device::PlanWish&) const override {
     if (seconds > 1) return {seconds, false, {}};
     return {-1e6, true, {1e5, 0}};

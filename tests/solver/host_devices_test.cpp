@@ -67,7 +67,7 @@ TEST(SolverHostDevices, GiveTheBitsOfOneDevice) {
 }
 
 // A pass over a factor out of core costs too much to mend roundings; who asks for it gets it.
-// Of an FP32 factor no solution counts as good enough before rounding is reached.
+// With an FP32 factor no solution counts as good enough before rounding is reached.
 TEST(SolverHostDevices, OutOfCoreMixedPrecisionReachesRounding) {
   for (const auto& words : std::vector<std::vector<std::string>>{
            {"elasticity", "9"}, {"plate", "40", "40"}, {"kkt", "3", "8", "4", "4"}, {"poisson", "14"}}) {

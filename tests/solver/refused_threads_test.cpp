@@ -15,7 +15,7 @@ namespace {
 std::atomic<int> threads_left{1 << 30};  // none: pthread_create() refuses as at the limit of processes (ulimit -u)
 }
 
-// Of the whole program: what std::thread and std::async call.
+// The calls of the whole program: what std::thread and std::async call.
 extern "C" int pthread_create(pthread_t* thread, const pthread_attr_t* attributes, void* (*start)(void*),
                               void* argument) noexcept {
   static const auto real = reinterpret_cast<decltype(&pthread_create)>(::dlsym(RTLD_NEXT, "pthread_create"));

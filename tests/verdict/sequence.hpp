@@ -46,7 +46,8 @@ class Sequence {
 
   Options random_options();
 
-  /// Of the sort of this sequence: definite, indefinite, a saddle point, general; in any storage that holds it.
+  /// A matrix of the sort of this sequence: definite, indefinite, a saddle point, general; in any storage that holds
+  /// it.
   MatrixOf<T> random_matrix();
 
   /// Others of the same sort on the same pattern: D A D, in one case with a phase where A is general.

@@ -217,7 +217,7 @@ class QuotientGraph {
     if (length_[at(pivot)] == 0) dead_[at(pivot)] = kAbsorbed;
   }
 
-  // Of dead_: 0 a variable, 1 gone into another or eliminated (then an element).
+  // Values of dead_: 0 a variable, 1 gone into another or eliminated (then an element).
   static constexpr char kInClique = 2, kAbsorbed = 3;
 
   // Steps through lists, for each edge and vertex. Grids take 5 to 20, systems that end as one dense front 100.

@@ -119,7 +119,7 @@ class HostBackend final : public Backend {
   [[nodiscard]] const out_of_core::Factory* out_of_core() const override { return &factory_; }
 
  private:
-  // Of the tree as little as possible is shared: what is passes through messages, and each rank keeps a copy.
+  // As little of the tree as possible is shared: what is passes through messages, and each rank keeps a copy.
   static void share_among_ranks(plan::PlanOptions& o, const PlanWish& wish) {
     o.devices = o.ranks = wish.ranks;
     o.rank = wish.rank;

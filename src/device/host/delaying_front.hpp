@@ -99,8 +99,8 @@ class DelayingFront {
   Index suspect_ = -1;                      // the row (by its place at start()) of the last failure
   std::vector<Index> order_;                // rows
   std::vector<char> late_;                  // pivots
-  // Of one tile. Below it stand all rows from first_ on, a multiple of kPanel; those that are not to be changed are
-  // zero.
+  // The rows of one tile. Below it stand all rows from first_ on, a multiple of kPanel; those that are not to be
+  // changed are zero.
   Index first_ = 0;
   std::vector<char> waits_;                         // rows below the tile
   std::vector<std::int32_t> perm_;                  // pivots

@@ -284,7 +284,7 @@ class HostExecutor final : public Executor<T> {
     return flops;
   }
 
-  // Of all that the plan has to do.
+  // The share of all that the plan has to do.
   [[nodiscard]] double share_of(const plan::Task& task) const {
     if (task.is_range()) return flops_of(task) / plan_.flops;
     const auto& l = plan_.layout[task.front];

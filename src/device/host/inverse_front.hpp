@@ -72,7 +72,7 @@ class InverseFront {
   void take_from_parent(const FrontInverse<T>& parent, Index i, InverseScratch<T>& w);
   /// What the tiles of column j share; before all others.
   void begin_column(Index j, InverseColumn<T>& column, InverseScratch<T>& w);
-  /// Of tile row i > j: g and h. @pre begin_column(j)
+  /// Solves the tile of tile row i > j: g and h. @pre begin_column(j)
   void solve_tile(Index i, Index j, InverseColumn<T>& column, InverseScratch<T>& w);
   /// Tiles (i, j) and (j, i). @pre solve_tile() of all rows below j
   void make_tile(Index i, Index j, const InverseColumn<T>& column, InverseScratch<T>& w);

@@ -39,7 +39,7 @@ template <class T>
 std::vector<char> changed_fronts(const NumericState<T>& s, std::span<const T> values, std::span<const T> before,
                                  const PivotRule& rule, base::ThreadPool& pool);
 
-/// Likewise which fronts other values leave as they are, to the last bit, under another rule. The others are
+/// Which fronts other values leave as they are, to the last bit, under another rule. The others are
 /// changed_fronts(), all above them, and what has to be made for these again as in fronts_to_keep(). Where the plan
 /// keeps contributions (PlanOptions::keep_contributions) that is hardly anything.
 /// @param made  fronts that have been made, where not all have: in a changed pattern. Empty: all

@@ -25,7 +25,7 @@ class WhileWaiting {
   virtual void begin_waiting() = 0;
   virtual void expect_patience() = 0;
 
-  /// Of this thread; null: nothing.
+  /// What this thread does; null: nothing.
   static constinit inline thread_local WhileWaiting* here = nullptr;
 };
 

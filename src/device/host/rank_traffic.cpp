@@ -136,7 +136,7 @@ void RankTraffic<T>::send_factor_tile(const plan::Task& task) {
   const FrontLayout& l = plan_.layout[f];
   const Pivots p{plan_.tree.first[f] + l.begin(task.j), l.width(task.j), task.i == task.j};
   const std::size_t size = count_of(padded<T>(l.width(task.i)) * l.width(task.j));
-  // Of ldlt the diagonal tile has one part.
+  // In ldlt the diagonal tile has one part.
   const bool second = s_.kind == Kind::lu || (s_.kind == Kind::ldlt && task.i != task.j);
   Message m = message_of(Cargo::factor_tile, f, task.i, task.j, size * sizeof(T) * (second ? 2 : 1) + pivot_bytes(p));
   Writer w(m.body());

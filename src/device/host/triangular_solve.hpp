@@ -24,8 +24,9 @@ struct SolveTask {
   Index tile;
 };
 
-/// Of a solve that several ranks share: which fronts this one takes, and what others do not have. A rank takes its
-/// sub-trees, and all of the top above them, as others do who have sub-trees there: the same numbers everywhere.
+/// The share of a solve that several ranks share: which fronts this one takes, and what others do not have. A rank
+/// takes its sub-trees, and all of the top above them, as others do who have sub-trees there: the same numbers
+/// everywhere.
 template <class T>
 class SolveSharing {
  public:

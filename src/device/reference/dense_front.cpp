@@ -8,8 +8,8 @@ namespace espalier::device::reference {
 
 namespace {
 
-// Of the largest diagonal entry to the largest beside the diagonal, from which on a 1x1 pivot grows no faster than a
-// 2x2 one: (1 + sqrt(17)) / 8.
+// The ratio of the largest diagonal entry to the largest beside the diagonal, from which on a 1x1 pivot grows no faster
+// than a 2x2 one: (1 + sqrt(17)) / 8.
 constexpr double kOneByOne = 0.6403882032022076;
 
 // The largest magnitudes in the rest of a pivot block, and where they stand.

@@ -95,7 +95,7 @@ FlexibleFrame::Fit FlexibleFrame::fit(ConstSpan q) const {
   return result;
 }
 
-// Of a frame without rotation moments do nothing.
+// On a frame without rotation moments do nothing.
 FlexibleFrame::Fit FlexibleFrame::fit_or_none(ConstSpan q) const {
   return has_rotation_ ? fit(q) : Fit{Mat3::Identity(), Mat3::Identity(), Mat3::Zero()};
 }

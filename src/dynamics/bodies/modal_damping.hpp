@@ -26,7 +26,7 @@ class ModalDamping final : public Component, public Remembers {
   // Bodies to be damped; before the system is finished.
   void add(FlexibleBody& body, double ratio) { nodal_.push_back({&body, ratio, 0}); }
   void add(ReducedBody& body, double ratio) { reduced_.push_back({&body, ratio, 0}); }
-  /// Of all of them. @pre they are placed
+  /// The coordinates of all of them. @pre they are placed
   [[nodiscard]] Index coordinates() const;
 
   /// Sets the forces from modes at a state: `shapes` has a column of all velocity coordinates of the system for each,

@@ -15,7 +15,7 @@ struct ReducedInertia {
   Eigen::MatrixXd pairs;     ///< sum m_ab phi_ak phi_bl^T in rows 9 k to 9 k + 8 of column l: 9 n x n
 };
 
-/// Those of a mesh with its consistent mass.
+/// The integrals of a mesh with its consistent mass.
 [[nodiscard]] ReducedInertia inertia_of_mesh(const FlexibleBody& body, const ReducedBasis& shapes);
 
 }  // namespace espalier::dynamics

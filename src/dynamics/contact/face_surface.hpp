@@ -44,7 +44,7 @@ struct SurfaceFace {
   [[nodiscard]] std::vector<Index> all_rows() const;
 };
 
-/// Of one body: whether they share a node or are faces of one element.
+/// Neighbours of one body: whether they share a node or are faces of one element.
 [[nodiscard]] bool are_neighbours(const SurfaceFace& a, const SurfaceFace& b);
 
 /// Position, tangents and second derivatives of a face at a place (xi_1, xi_2) on it; of a line by xi_1 alone.
@@ -82,14 +82,14 @@ enum class ShellSides { both, top, bottom };
 
 class FaceSurface {
  public:
-  /// Of a solid. @param body in a system already @param faces empty: all outer faces of the mesh
+  /// The surface of a solid. @param body in a system already @param faces empty: all outer faces of the mesh
   /// @throws std::invalid_argument unless the body is a solid, or where there is no face
   FaceSurface(std::string name, const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces);
-  /// Of a shell. @param quads as make_shell_body()'s
+  /// The surface of a shell. @param quads as make_shell_body()'s
   FaceSurface(std::string name, const FlexibleBody& body, std::span<const std::array<Index, 4>> quads, double thickness,
               ShellSides sides);
-  /// Of a cable or beam: what lies within `radius` of its axis. @param element_length without stress @param divisions
-  /// parts of each element that have points of integration of their own
+  /// The surface of a cable or beam: what lies within `radius` of its axis. @param element_length without stress @param
+  /// divisions parts of each element that have points of integration of their own
   /// @throws std::invalid_argument unless the body is one, and radius and divisions are positive
   FaceSurface(std::string name, const FlexibleBody& body, double element_length, double radius, int divisions);
 
@@ -99,7 +99,7 @@ class FaceSurface {
   [[nodiscard]] const SurfaceFace& face(Index f) const { return faces_[static_cast<std::size_t>(f)]; }
   void move_to(ConstSpan q, ConstSpan v);
   [[nodiscard]] const std::vector<Box>& boxes() const { return boxes_; }
-  /// Of the boxes of the last move_to(), refitted when it is asked for.
+  /// The tree of the boxes of the last move_to(), refitted when it is asked for.
   [[nodiscard]] const BoxTree& tree();
   /// Makes the depths of the faces at most half the distance to those faces of `other`, on the same body, that lie
   /// behind them without stress: what is thin is not gone through.
@@ -107,7 +107,7 @@ class FaceSurface {
   [[nodiscard]] double mean_size() const { return mean_size_; }
   [[nodiscard]] bool is_line() const { return faces_.front().is_line(); }
   [[nodiscard]] int divisions() const { return divisions_; }
-  /// Of faces: parts in each direction that have points of integration of their own against rigid shapes.
+  /// The divisions of faces: parts in each direction that have points of integration of their own against rigid shapes.
   void set_divisions(int divisions) { divisions_ = divisions; }
   /// Nodes that the faces have, each once, rising: their numbers in the body, and those on the bottom of a shell behind
   /// all of them; see body_node().

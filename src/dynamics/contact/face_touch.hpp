@@ -39,11 +39,11 @@ class FaceTouch {
   [[nodiscard]] const VecX& gap_by() const { return gap_by_; }
   [[nodiscard]] MatX gap_by_twice() const;
   [[nodiscard]] Mat3X normal_by() const;
-  /// Of dx - dy, at the place that the projection has.
+  /// The derivative of dx - dy, at the place that the projection has.
   [[nodiscard]] Mat3X slip_by() const;
-  /// Of the point's distance from the place opposite, x - y(xi), which moves on.
+  /// The derivative of the point's distance from the place opposite, x - y(xi), which moves on.
   [[nodiscard]] Mat3X lever_by() const;
-  /// Of y,1 at a place that stays, and at the one that moves on.
+  /// The derivative of y,1 at a place that stays, and at the one that moves on.
   [[nodiscard]] Mat3X slope_by() const;
   [[nodiscard]] Mat3X tangent_by() const;
   /// Adds -y(xi)'s derivative by xi alone, with w_a the fields of y,a (positions, velocities), to `out`.

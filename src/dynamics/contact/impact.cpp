@@ -243,7 +243,7 @@ class Impact {
     }
   }
 
-  /// Of each point of the set; points that act on each other take the smallest.
+  /// 1 + the restitution of each point of the set; points that act on each other take the smallest.
   std::vector<double> one_plus_restitution(const std::vector<std::size_t>& set, const std::vector<double>& before,
                                            bool plastic) {
     std::vector<double> r(set.size());

@@ -6,7 +6,7 @@
 
 namespace espalier::dynamics::contact {
 
-/// Of n points; three rows each: along the normal (the rate of the gap) and two tangents.
+/// The impact of n points; three rows each: along the normal (the rate of the gap) and two tangents.
 struct FrictionImpact {
   Eigen::MatrixXd w;            ///< 3n x 3n, velocity / impulse: rates that unit impulses make; symmetric, not negative
   Eigen::VectorXd before;       ///< 3n: rates before

@@ -212,7 +212,8 @@ const RigidContact::Memory* RigidContact::memory_of(const Pair& pair, const Touc
   return same_corner;
 }
 
-// Of a touch that was open at the last accepted state: by the speed with which its points approached each other there.
+// The damping of a touch that was open at the last accepted state: by the speed with which its points approached each
+// other there.
 double RigidContact::first_damping(const Pair& pair, const Touch& touch) const {
   if (law_.impulse || law_.restitution >= 1) return law_.damping;
   if (last_q_.empty()) return 0;

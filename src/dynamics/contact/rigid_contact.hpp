@@ -100,7 +100,7 @@ class RigidContact final : public Contact {
   [[nodiscard]] const Memory* memory_of(const Pair& pair, const Touch& touch, std::vector<char>& taken) const;
   [[nodiscard]] double first_damping(const Pair& pair, const Touch& touch) const;
   [[nodiscard]] double landing_damping(const Active& active) const;
-  /// Of two surfaces, as far as two states of a step tell: how fast their points move at most.
+  /// The speed of two surfaces, as far as two states of a step tell: how fast their points move at most.
   [[nodiscard]] double fastest_point(const Pair& pair, const StepPath& path) const;
   /// Two surfaces at a state: their bodies and their touches with gaps below `reach`.
   struct Meeting {

@@ -10,9 +10,9 @@
 namespace espalier::dynamics::contact {
 namespace {
 
-// Of the least extent: nearer than that, shapes touch as far as an impact goes.
+// A share of the least extent: nearer than that, shapes touch as far as an impact goes.
 constexpr double kTouching = 1e-9;
-// Of the least extent: so far bodies may go before it is looked whether they strike.
+// A share of the least extent: so far bodies may go before it is looked whether they strike.
 constexpr double kLeap = 0.2;
 
 double least_of(const std::vector<RigidSurface>& surfaces) {

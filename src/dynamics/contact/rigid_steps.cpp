@@ -97,7 +97,7 @@ double RigidContact::passing_share(const StepPath& path) {
   return share;
 }
 
-// Of two surfaces that touch at neither end of the step.
+// The share of the step at which two surfaces pass each other that touch at neither end of the step.
 double RigidContact::passing_share(const Pair& pair, const StepPath& path) const {
   const double way = fastest_point(pair, path) * path.length();
   if (way == 0) return 1;

@@ -25,7 +25,7 @@ bool any_left(const std::vector<Box>& wide, const std::vector<Box>& boxes) {
 
 constexpr double kNoRadius = std::numeric_limits<double>::infinity();
 
-/// Of shapes that are round to all sides where they touch; others have none.
+/// The radius of shapes that are round to all sides where they touch; others have none.
 double round_radius(const Shape& shape) {
   if (const auto* sphere = std::get_if<SphereShape>(&shape)) return sphere->radius;
   if (const auto* capsule = std::get_if<CapsuleShape>(&shape)) return capsule->radius;

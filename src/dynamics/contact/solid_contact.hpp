@@ -94,7 +94,7 @@ class SolidContact final : public Contact, public Augmented {
   void move_to(ConstSpan q, ConstSpan v, bool look_only = false);
   void make_points();
   [[nodiscard]] std::vector<NodeRows> rigid_rows() const;
-  /// Of the area: both sides are integrated where a surface touches itself.
+  /// The share of the area: both sides are integrated where a surface touches itself.
   [[nodiscard]] double side_share() const { return with_itself_ ? 0.5 : 1; }
   [[nodiscard]] bool one_body() const { return second_ && &first_.body() == &second_->body(); }
   [[nodiscard]] std::optional<Acting> act_rigid(std::size_t k, const FacePlace& at) const;

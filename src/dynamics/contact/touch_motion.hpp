@@ -12,7 +12,7 @@ using Vec12 = Eigen::Matrix<double, 12, 1>;
 using Mat12 = Eigen::Matrix<double, 12, 12>;
 using Mat3x12 = Eigen::Matrix<double, 3, 12>;
 
-/// Of a body, in global components.
+/// The motion of a body, in global components.
 struct BodyMotion {
   Vec3 origin = Vec3::Zero();  ///< of moments and of the twist
   Mat3 axes = Mat3::Identity();

@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kThreads = 256;
 
-// Of a contribution to an entry of the pattern: the vertices of its element and the pair, 5 bits each, and where the
-// tangent of the element begins.
+// The code of a contribution to an entry of the pattern: the vertices of its element and the pair, 5 bits each, and
+// where the tangent of the element begins.
 constexpr int kStartBits = 48;
 __device__ std::int64_t pair_code(int nodes, int a, int b, std::int64_t start) {
   return (static_cast<std::int64_t>((nodes * 32 + a) * 32 + b) << kStartBits) | start;

@@ -36,7 +36,7 @@ __device__ inline bool mask_and(bool a, bool b) { return a && b; }
 __device__ inline bool mask_or(bool a, bool b) { return a || b; }
 __device__ inline bool mask_not(bool a) { return !a; }
 
-// Of the hexahedra with assumed strains, and of shells.
+// Tables of the hexahedra with assumed strains, and of shells.
 __constant__ hex8::BlockTables the_tables, the_shell_tables;
 __device__ inline const hex8::BlockTables& tables() { return the_tables; }
 __device__ inline const hex8::BlockTables& shell_tables() { return the_shell_tables; }

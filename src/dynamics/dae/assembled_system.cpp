@@ -201,7 +201,7 @@ void AssembledSystem::run_tasks(const StateView& s, Span f) {
     });
 }
 
-// Those of many joints at the same time: each writes rows of its own.
+// The constraints of many joints at the same time: each writes rows of its own.
 void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const ConstraintBuffers& out) {
   constexpr Offset kManyOfPhi = 1 << 14;  // some 100 microseconds
   base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyOfPhi ? nullptr : pool_;

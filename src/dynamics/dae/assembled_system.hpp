@@ -31,7 +31,7 @@ class AssembledSystem final : public System, public SystemOnDevice {
   /// Initial configuration and velocities as the components state them (not yet consistent with the constraints).
   void initial(Span q, Span v) const;
   [[nodiscard]] const std::vector<std::unique_ptr<Component>>& components() const { return components_; }
-  /// Of all components, in their order: appends what they remember; takes as much from the front.
+  /// The memory of all components, in their order: appends what they remember; takes as much from the front.
   void save(std::vector<double>& out) const;
   void restore(ConstSpan& in);
 

@@ -176,7 +176,7 @@ void KktSolver::factorize() {
   put_scale_on_device();
 }
 
-// Of a factor that is on a GPU though the host has assembled K: solutions are made there, too.
+// The scale of a factor that is on a GPU though the host has assembled K: solutions are made there, too.
 void KktSolver::put_scale_on_device() {
   if (!on_device()) return;
   try {

@@ -27,7 +27,7 @@ using Branches = std::vector<Branch>;
 /// Appends the branches at a state; of one law always as many, in the same order.
 using BranchesOf = std::function<void(const StateView&, Branches&)>;
 
-/// Of what is constant below 0 and beyond 1: its level, a Branch that switches at both.
+/// The branch of what is constant below 0 and beyond 1: its level, a Branch that switches at both.
 [[nodiscard]] inline double level_of_step(double x) { return std::clamp(x, -0.5, 1.5); }
 
 /// A step that the error test has found good, before it is accepted.
@@ -82,7 +82,7 @@ class Switching {
   virtual void add_falling(const StateView& /*s*/, std::vector<FallingForce>& /*out*/) {}
 };
 
-/// Those of an AssembledSystem; they live as long as it.
+/// The laws of an AssembledSystem; they live as long as it.
 [[nodiscard]] std::vector<Switching*> switching_laws(const System& system);
 
 }  // namespace espalier::dynamics

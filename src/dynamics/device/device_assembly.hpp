@@ -51,7 +51,7 @@ class DeviceMatrix {
   /// @param x  not negative
   virtual void sum_rows(ConstSpan x, Span out) const = 0;
   [[nodiscard]] virtual void* stream() const = 0;
-  /// Of the scales that complete() or set_scale() got last.
+  /// Vectors of the scales that complete() or set_scale() got last.
   virtual std::unique_ptr<DeviceVectors> make_vectors() = 0;
 };
 

@@ -112,7 +112,7 @@ class ElementAssembly {
     std::vector<PairList> batches;
     [[nodiscard]] Connectivity connectivity() const { return {layout.vertices(), vertex}; }
     [[nodiscard]] Index count() const { return static_cast<Index>(vertex.size()) / layout.vertices(); }
-    /// Of the marks of all elements those of its own.
+    /// The marks of its own elements, of those of all.
     [[nodiscard]] std::span<const char> part_of(std::span<const char> failed) const {
       return failed.empty()
                  ? failed

@@ -60,7 +60,7 @@ ESPALIER_INLINE Vector<kOrder> variables(const double (&x)[3], int first) {
   return v;
 }
 
-/// Of a rotation q and -q are the same: whether the element turns by theta < pi or by 2 pi - theta the other way
+/// Both q and -q stand for the same rotation: whether the element turns by theta < pi or by 2 pi - theta the other way
 /// round is told by the chord, which lies along the mean t1 in a bent element. Without bending the smaller angle wins.
 /// @return true where the quaternion b is to be taken as -b
 inline bool other_way_round(const double (&a)[4], const double (&b)[4], const double* chord) {

@@ -11,7 +11,7 @@
 
 namespace espalier::dynamics {
 
-/// Of solid_block.hpp.
+/// The elements of solid_block.hpp.
 struct SolidElements {
   ElementType type = ElementType::hex8;
   Rule rule = Rule::stiffness;

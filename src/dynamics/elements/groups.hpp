@@ -36,7 +36,7 @@ std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, s
 /// none. @pre make_solid_groups() accepts them
 std::string corner_folds(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool = nullptr);
 
-/// Of the elements (as above), in their order.
+/// The smallest Jacobians of the elements (as above), in their order.
 std::vector<SmallestJacobian> smallest_jacobians(const Mesh& mesh, std::span<const Index> elements,
                                                  base::ThreadPool* pool = nullptr);
 

@@ -24,7 +24,7 @@ ESPALIER_ANYWHERE constexpr Mode enhanced_mode(int k) {
   return modes[k];
 }
 
-/// Those of shells.
+/// The modes of shells.
 inline constexpr int kShellModes = 8;
 ESPALIER_ANYWHERE constexpr Mode shell_mode(int k) {
   constexpr Mode modes[kShellModes] = {{0, 0}, {1, 1}, {3, 0}, {3, 1}, {2, 2}, {2, 3}, {2, 4}, {2, 5}};

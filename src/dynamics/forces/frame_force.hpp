@@ -40,7 +40,7 @@ class FrameForce : public Component, public Switching, public ReadsMultipliers {
   void bind_multipliers(const SparsePattern& f_lambda) override;
   void multiplier_tangent(const StateView& s, Span values) override;
   [[nodiscard]] Energy energy(const StateView& s) override;
-  /// Those of its law and of its inputs.
+  /// The branches of its law and of its inputs.
   void branches(const StateView& s, Branches& out) const override;
   /// Force and moment on frame A (0) or B (1) at its origin, in global axes.
   [[nodiscard]] Wrench applied(const StateView& s, int f) const;

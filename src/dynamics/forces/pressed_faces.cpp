@@ -160,7 +160,7 @@ class ShellSide final : public PressedFaces {
     std::vector<std::size_t> own;  ///< of the same in rows()
     std::vector<Offset> entries;   ///< of W, column by column
   };
-  /// Of number i of a face: what x takes of it, and which number of x that is.
+  /// The share of number i of a face: what x takes of it, and which number of x that is.
   [[nodiscard]] double factor(std::size_t i) const { return i % 6 < 3 ? 1 : offset_; }
   static std::size_t of_side(std::size_t i) { return 3 * (i / 6) + i % 3; }
   void gather(const Face& face, ConstSpan q, double* x) const {

@@ -44,7 +44,7 @@ using StateFunctionPtr = std::shared_ptr<const StateFunction>;
 class CompositeFunction : public StateFunction {
  public:
   explicit CompositeFunction(std::vector<StateFunctionPtr> parts);
-  /// Those of its parts.
+  /// The branches of its parts.
   void branches(const StateView& s, Branches& out) const override;
 
  protected:

@@ -10,7 +10,7 @@
 
 namespace espalier::dynamics {
 
-// Those of the host.
+// The arrays of the host.
 MotionArrays GeneralizedAlpha::arrays() {
   MotionArrays s;
   s.v = trial_.v.data();
@@ -36,7 +36,7 @@ MotionArrays GeneralizedAlpha::arrays() {
   return s;
 }
 
-// Of an attempt with a step of length h.
+// Chooses the place of an attempt with a step of length h.
 void GeneralizedAlpha::choose_place(double h) {
   const bool goes_on = fitted_ > 0 && !changes_length(h) && !options_.search && !equations_.has_non_holonomic();
   if (vectors_.lost() || !goes_on || !equations_.kkt().solves_there()) vectors_.leave();
@@ -105,8 +105,8 @@ double GeneralizedAlpha::take_change_there(Change& change, StepReport& report) {
   return record.sum[0];
 }
 
-// Of a step that is going to be accepted: all that the host needs to go on by itself comes first. What accept() does
-// with that for the host, NextStep does there.
+// Ends the device's part of a step that is going to be accepted: all that the host needs to go on by itself comes
+// first. What accept() does with that for the host, NextStep does there.
 void GeneralizedAlpha::end_step_there() {
   const MotionArrays& s = vectors_.device_motion().arrays();
   vectors_.fetch_state(trial_);

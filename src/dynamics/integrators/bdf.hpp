@@ -30,13 +30,13 @@ struct ErrorBudget {
   double accuracy = 0;  ///< of places, over the extent of the model; 0: the tolerances of the options hold
   double extent = 0;    ///< of the model
   double duration = 0;  ///< of the run
-  /// Of stiff systems, whose vibrations are not to be followed: velocities are tested at a part of this speed of the
-  /// motion. 0: not stiff, velocities are tested as their errors add up to errors of places.
+  /// The speed of stiff systems, whose vibrations are not to be followed: velocities are tested at a part of this speed
+  /// of the motion. 0: not stiff, velocities are tested as their errors add up to errors of places.
   double speed = 0;
   std::vector<char> lengths = {};  ///< velocity coordinates that are lengths; others are angles and slopes
   [[nodiscard]] bool given() const { return accuracy > 0; }
   [[nodiscard]] bool stiff() const { return speed > 0; }
-  /// Of a coordinate: what a change by it means to the model.
+  /// The size of a coordinate: what a change by it means to the model.
   [[nodiscard]] double size(std::size_t i) const { return lengths[i] != 0 ? extent : 1; }
   bool operator==(const ErrorBudget&) const = default;
 };
@@ -134,7 +134,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] double tolerance_of_velocity(std::size_t i) const;
   void take_share();
   [[nodiscard]] double norm(ConstSpan x, ConstSpan weight) const;
-  /// Of changes of q and v in dq_ and dv_, in units of the tolerance of the step.
+  /// The norm of changes of q and v in dq_ and dv_, in units of the tolerance of the step.
   [[nodiscard]] double norm_of_change() const;
   void measure_constraints();
   [[nodiscard]] double largest_level(ConstSpan level) const;
@@ -185,7 +185,7 @@ class BdfIntegrator final : public Integrator {
   [[nodiscard]] bool has_freedom() const;
   [[nodiscard]] bool rounding_ends(double change, const StepReport& report);
   [[nodiscard]] double change_of_pass(StepReport& report);
-  /// Of a pass: the largest numbers and weighted squares.
+  /// The change of a pass: the largest numbers and weighted squares.
   struct Change {
     double dq, dv, a, square_q, square_v;
   };

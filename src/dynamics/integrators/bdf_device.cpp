@@ -12,7 +12,7 @@ namespace espalier::dynamics {
 
 static_assert(kMotionPoints == History::kDepth);
 
-// Those of the host.
+// The arrays of the host.
 MotionArrays BdfIntegrator::arrays() {
   MotionArrays s;
   s.v = trial_.v.data();
@@ -36,7 +36,7 @@ MotionArrays BdfIntegrator::arrays() {
   return s;
 }
 
-// Of an attempt that has its factor: only the reduced iteration is there.
+// Asked at an attempt that has its factor: only the reduced iteration is there.
 bool BdfIntegrator::may_enter_device() const {
   return !on_device() && !equations_.has_non_holonomic() && options_.iteration == BdfIteration::reduced &&
          !options_.measure_blocks && projected_left_ == 0 && noisy_left_ == 0 && first_left_ == 0 &&
@@ -97,7 +97,7 @@ void BdfIntegrator::push_there(bool in_place_of_newest) {
 }
 
 void BdfIntegrator::error_weights_there() {
-  // Those of a budget stay as they were sent.
+  // The weights of a budget stay as they were sent.
   if (!options_.budget.given()) device_motion().run(VelocityWeights{options_.relative, options_.absolute_velocity});
   for (const OwnCoordinates& c : share().owners) c.magnitude(state_.q, weight_q_);
   size_q_ = size_q_there_;

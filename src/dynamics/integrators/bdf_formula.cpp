@@ -70,7 +70,7 @@ double BdfIntegrator::tolerance_of_position(std::size_t i, double size) const {
   return (options_.max_order <= 2 ? 1 : kOfOrderFive) * budget.accuracy * budget.size(i);
 }
 
-// Of a budget, over the size of a coordinate.
+// The speed's tolerance of a budget, over the size of a coordinate.
 double BdfIntegrator::tolerance_of_speed() const {
   constexpr double kOfSpeed = 3e-3, kOfDuration = 5;
   const ErrorBudget& budget = options_.budget;

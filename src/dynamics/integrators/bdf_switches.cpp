@@ -8,7 +8,7 @@
 namespace espalier::dynamics {
 namespace {
 
-// Of the first try: so near to a switch rounding decides on which side a law is.
+// A share of the first try: so near to a switch rounding decides on which side a law is.
 constexpr double kShortestOfTry = 1e-9;
 // A rate of growth times h' up to this is growth in the formulas too; from 1 on they damp it.
 constexpr double kResolvedGrowth = 0.3;

@@ -9,7 +9,7 @@
 namespace espalier::dynamics {
 
 struct ConsistencyOptions {
-  /// Of the constraints: Phi in parts of constraint_sizes(), the velocity level times 10 max(1, |v|).
+  /// The tolerance of the constraints: Phi in parts of constraint_sizes(), the velocity level times 10 max(1, |v|).
   double tolerance = 1e-12;
   int max_iterations = 30;
   double allowed_position = 1e300;  ///< a larger change |dq| of the given configuration is an error

@@ -6,7 +6,7 @@
 namespace espalier::dynamics {
 namespace {
 
-/// Of values that begin at `first` in a global array.
+/// The sum of values that begin at `first` in a global array.
 Vec3 sum_of(const MaterialVector& m, ConstSpan values, Index first) {
   Vec3 sum = Vec3::Zero();
   for (const auto& [vertex, factor] : m.parts)

@@ -42,7 +42,7 @@ struct JointRow {
   bool of_velocity = false;     ///< it holds for the rates of the terms alone: non-holonomic
 };
 
-/// Of a term, whatever it is made of.
+/// The value of a term, whatever it is made of.
 void evaluate(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, bool rates, RelativeValue& out);
 void add_curvature(const JointRow::Term& term, const FrameMotion& a, const FrameMotion& b, double factor, Mat12& k);
 
@@ -79,7 +79,7 @@ class Joint final : public Component, public Constrains, public Switching, publi
   [[nodiscard]] const std::string& kind() const { return kind_; }
   /// Follows the angle about z from x of frame 0 to x of frame 1 through its turns. Of joints whose z axes are one.
   void count_turns() { spin_.emplace(); }
-  /// Of that angle; none where nobody follows it.
+  /// The counter of that angle; none where nobody follows it.
   [[nodiscard]] const std::optional<TurnCounter>& spin() const { return spin_; }
   /// Further coordinates that are quantities, and that limits act on.
   void add_motion(JointMotion motion) { motions_.push_back(std::move(motion)); }
@@ -89,7 +89,7 @@ class Joint final : public Component, public Constrains, public Switching, publi
   /// Gives the multiplier of a row a name among the quantities: a force, positive where it pulls its coordinate down.
   void name_row_force(const char* word, std::size_t row) { row_forces_.emplace_back(word, row); }
   [[nodiscard]] const std::vector<std::pair<const char*, std::size_t>>& row_forces() const { return row_forces_; }
-  /// Of its first two frames.
+  /// Shares the memory of its first two frames.
   void remember(std::shared_ptr<PairMemory> memory) { memory_ = std::move(memory); }
   [[nodiscard]] const std::vector<JointRow>& rows() const { return rows_; }
   /// Takes the present value of driven rows, distances and couplings as the one to go on from: of joints that are

@@ -29,7 +29,7 @@ class SpaceSpline {
   [[nodiscard]] const std::vector<double>& knots() const { return knots_; }
   [[nodiscard]] double least() const { return knots_.front(); }
   [[nodiscard]] double most() const { return knots_.back(); }
-  /// Of a closed one: into its first round.
+  /// The parameter of a closed one, taken into its first round.
   [[nodiscard]] double wrapped(double u) const;
 
  private:

@@ -32,7 +32,7 @@ class Support final : public Component, public Constrains, public Switching {
 
   [[nodiscard]] const std::vector<Row>& rows() const { return rows_; }
   [[nodiscard]] const FlexibleBody& body() const { return body_; }
-  /// Of the vertices' places, each once.
+  /// The list of the vertices' places, each once.
   [[nodiscard]] const std::vector<Index>& places() const { return places_; }
 
   [[nodiscard]] Sizes sizes() const override { return {0, 0, static_cast<Index>(rows_.size())}; }

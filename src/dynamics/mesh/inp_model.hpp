@@ -82,7 +82,8 @@ struct InpModel {
   std::map<std::string, long> passed_elements, passed_keywords, solid_shells;
   std::vector<std::string> notices{};         ///< of materials
   std::map<std::string, long> long_elements;  ///< with more nodes than their types have, by these
-  /// Of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of the others.
+  /// What was left of a deck: keywords that nobody reads into a mesh, elements that are passed over, and the types of
+  /// the others.
   bool is_deck = false;
   std::vector<InpCard> cards;
   int steps = 0;

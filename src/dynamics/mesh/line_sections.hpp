@@ -22,7 +22,7 @@ enum class LineShape {
   bar         ///< area: it carries axial forces alone
 };
 
-/// Of one set of elements.
+/// The section of one set of elements.
 struct LineSection {
   std::string set;       ///< name of the element set, as the file's mesh has it
   std::string material;  ///< name; empty: `own`
@@ -38,7 +38,7 @@ struct LineSection {
 
 struct LineSections {
   std::vector<LineSection> list;
-  /// Of elements by their labels: the direction of y (Nastran), or what is not read of them.
+  /// The directions of elements by their labels: the direction of y (Nastran), or what is not read of them.
   std::map<std::int64_t, Point> directions;
   std::map<std::int64_t, std::string> faults;
 };

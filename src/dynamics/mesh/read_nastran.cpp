@@ -40,7 +40,7 @@ class NastranReader {
       : cards_(std::move(content), name), is_deck_(deck) {
     mesh_.name = name;
   }
-  /// Of a deck, when the mesh is read.
+  /// The cards of a deck, when the mesh is read.
   [[nodiscard]] const std::vector<NastranCard>& deck_cards() const { return deck_cards_; }
   [[nodiscard]] NastranSystems& systems() { return systems_; }
 

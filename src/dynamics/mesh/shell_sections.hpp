@@ -17,7 +17,7 @@ struct ShellLayer {
   double thickness = 0;
   std::string material;  ///< name
 };
-/// Of one set of elements.
+/// The section of one set of elements.
 struct ShellSection {
   std::string set;       ///< name of the element set, as the file's mesh has it
   std::string material;  ///< name; empty: none

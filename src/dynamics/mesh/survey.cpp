@@ -35,7 +35,7 @@ void over_face(const Mesh& mesh, ElementType type, std::span<const Index> nodes,
   const bool triangle = shape_of(type).corners == 3;
   for (const auto& [u, wu] : kGauss)
     for (const auto& [v, wv] : kGauss) {
-      // Of a triangle: the square, one side of which is drawn together.
+      // For a triangle: the square, one side of which is drawn together.
       const double r = triangle ? 0.25 * (1 + u) * (1 - v) : u, s = triangle ? 0.5 * (1 + v) : v;
       const double weight = wu * wv * (triangle ? 0.125 * (1 - v) : 1);
       const FaceFunctions f = face_functions(type, r, s);

@@ -18,8 +18,8 @@ struct MeshSurvey {
   Point centre{};                              ///< of that volume
   double surface = 0;                          ///< of the outer faces of solids and of surface elements
   double shortest_edge = 0, longest_edge = 0;  ///< between corners
-  /// Of solids, over the longest three edges of a corner: the volume that they span, over the product of their lengths;
-  /// 1 in a cube, 0.71 in a regular tetrahedron, not positive where the element is inverted there.
+  /// The shape of solids, over the longest three edges of a corner: the volume that they span, over the product of
+  /// their lengths; 1 in a cube, 0.71 in a regular tetrahedron, not positive where the element is inverted there.
   double least_shape = 0, median_shape = 0;
   Index worst_element = -1;          ///< that of least_shape
   std::vector<Index> pieces;         ///< a node of each

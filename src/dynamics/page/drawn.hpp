@@ -29,7 +29,7 @@ class Drawn {
   [[nodiscard]] const std::vector<Owner>& owners() const { return owners_; }
   [[nodiscard]] const std::vector<std::array<Index, 2>>& edges() const { return edges_; }
   [[nodiscard]] const std::vector<std::int64_t>& labels() const { return labels_; }  ///< of nodes; 0: none
-  /// Of the rigid bodies, one after the other, in their axes: 3 numbers for each point.
+  /// The points of the rigid bodies, one after the other, in their axes: 3 numbers for each point.
   [[nodiscard]] const std::vector<float>& local() const { return local_; }
 
   /// One state.

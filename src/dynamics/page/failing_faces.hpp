@@ -14,7 +14,7 @@ struct TwoSidedFace {
   MeshFace face;
   Index behind = -1;
 };
-/// Those of all solids of a mesh, inner ones from both sides.
+/// The faces of all solids of a mesh, inner ones from both sides.
 [[nodiscard]] std::vector<TwoSidedFace> all_faces(const Mesh& mesh);
 
 /// From when until when each triangle is seen, two numbers each: from the time at which the element behind it has

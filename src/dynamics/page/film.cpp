@@ -137,8 +137,8 @@ void Film::thin_out() {
   times_.wind_to(before_.t);
 }
 
-// Of interpolated states, and of those of a statics run, `s` has the time that is shown; forces are asked of `end`'s
-// kind.
+// Takes a frame of interpolated states, and of those of a statics run, `s` has the time that is shown; forces are asked
+// of `end`'s kind.
 void Film::take(const State& s, const State& end) {
   if (last_ == s.t) return;
   last_ = s.t;

@@ -31,7 +31,7 @@ class Rows {
   long stride_ = 1, seen_ = 0;
 };
 
-/// Of a series that is in memory already.
+/// The rows of a series that is in memory already.
 [[nodiscard]] Rows rows_of(const SimulationSeries& series);
 
 }  // namespace espalier::dynamics::page

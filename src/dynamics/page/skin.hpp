@@ -14,8 +14,8 @@ class Skin {
  public:
   virtual ~Skin() = default;
   std::vector<std::array<Index, 3>> triangles;  ///< of its points, anticlockwise seen from outside
-  /// Of each triangle where elements can fail: whose it is, and what is behind it (-1: nothing), by the mesh. Else
-  /// empty.
+  /// The owner of each triangle where elements can fail: whose it is, and what is behind it (-1: nothing), by the mesh.
+  /// Else empty.
   std::vector<std::array<Index, 2>> owners;
   std::vector<std::array<Index, 2>> edges;  ///< of elements, and lines that have no surface
   std::vector<std::int64_t> labels;         ///< of each point the number of its node; 0: between nodes
@@ -23,12 +23,12 @@ class Skin {
   [[nodiscard]] Index points() const { return static_cast<Index>(labels.size()); }
   /// Positions from those of all vertices of the body, or velocities from velocities. @param x  3 numbers per point
   virtual void place(const double* vertices, double* x) const = 0;
-  /// Likewise velocities. @param vertices  positions
+  /// The velocities in the same way. @param vertices  positions
   virtual void rates(const double* vertices, const double* velocities, double* v) const {
     static_cast<void>(vertices);
     place(velocities, v);
   }
-  /// Of solids: the node of each point; empty otherwise.
+  /// The nodes of solids: the node of each point; empty otherwise.
   [[nodiscard]] virtual const std::vector<Index>& nodes() const;
 };
 

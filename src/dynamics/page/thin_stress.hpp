@@ -14,8 +14,8 @@ class FieldQuantity;
 
 namespace espalier::dynamics::page {
 
-/// Of shells what BODY[node ... top] and bottom say; of beams and cables the largest of the outline of the section, all
-/// around it, linear between nodes. Bodies whose section is given by its constants have none.
+/// The stress of shells what BODY[node ... top] and bottom say; of beams and cables the largest of the outline of the
+/// section, all around it, linear between nodes. Bodies whose section is given by its constants have none.
 class ThinStress {
  public:
   ThinStress(const model::Mechanism& mechanism, const Drawn& drawn);

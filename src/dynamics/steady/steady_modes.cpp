@@ -108,8 +108,8 @@ double shift_of(const SteadyPencil& p, double fastest) {
   return -(0.0123456789 * fastest + 1e-4 * typical);
 }
 
-/// Of complex paths in the plane across the axis, weighted by masses and inertias: 1 where all go round with it, -1
-/// against it.
+/// The whirl of complex paths in the plane across the axis, weighted by masses and inertias: 1 where all go round with
+/// it, -1 against it.
 double whirl_of(const SteadyProblem& problem, const SteadyPencil& p, const Eigen::VectorXcd& xi, const Vec3& axis) {
   if (!(axis.norm() > 0)) return 0;
   const Vec3 z = axis.normalized(), x = z.unitOrthogonal(), y = z.cross(x);
@@ -154,7 +154,7 @@ SteadyMode mode_of(const SteadyProblem& problem, const SteadyPencil& p, std::com
   return out;
 }
 
-/// Of what moves without a turn.
+/// The speed of what moves without a turn.
 double speed_over_extent(const System& system, const State& s) {
   const std::vector<double> sizes = coordinate_sizes(system, s.q);
   double most = 0;
@@ -197,7 +197,7 @@ void polish(const SteadyPencil& p, std::vector<SteadyPair>& pairs) {
     if (pair.eigenvalue != 0.0) espalier::modes::polish_quadratic_pair(k, c, m, pair.eigenvalue, pair.xi);
 }
 
-/// Of few coordinates that roll by the dense method: their constraints stand in C, and the search would meet
+/// The pairs of few coordinates that roll by the dense method: their constraints stand in C, and the search would meet
 /// eigenvalues that are infinite but for rounding.
 std::vector<SteadyPair> pairs_of(const SteadyPencil& p, Index count, double fastest, const Options& solver,
                                  std::string& notice) {

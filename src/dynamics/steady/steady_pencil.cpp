@@ -10,7 +10,7 @@ namespace espalier::dynamics {
 
 namespace {
 
-// Of differences, in radians and parts of the model's extent.
+// The steps of differences, in radians and parts of the model's extent.
 std::vector<double> coordinate_moves(const System& system, ConstSpan q) {
   constexpr double kMove = 1e-3;
   std::vector<double> moves = coordinate_sizes(system, q);

@@ -40,7 +40,7 @@ NodalUnknown unknown_in(const NastranCard& card, std::size_t k) {
   return {card.integer(k, "node"), static_cast<int>(card.integer(k + 1, "component", 0))};
 }
 
-/// Of a card DMIG: its first one says what the matrix is, the others hold a column each.
+/// The head of a card DMIG: its first one says what the matrix is, the others hold a column each.
 void check_head(const NastranCard& card, const std::string& name) {
   const std::int64_t form = card.integer(2, "form"), type = card.integer(3, "type of values");
   if (form != 1 && form != 6)

@@ -30,9 +30,9 @@ struct System {
   std::shared_ptr<const RealForm> real_form;
 
   [[nodiscard]] Offset bytes() const { return prepared.bytes() + rows->bytes() + (real_form ? real_form->bytes() : 0); }
-  /// Of the whole matrix; null where each rank has its part.
+  /// The rows of the whole matrix; null where each rank has its part.
   [[nodiscard]] const matrix::RowIndex* all_rows() const { return rows_are_shared ? nullptr : rows.get(); }
-  /// Of the whole matrix, made where each rank has its part.
+  /// The rows of the whole matrix, made where each rank has its part.
   [[nodiscard]] std::shared_ptr<const matrix::RowIndex> index_of_all(base::ThreadPool& pool) const;
   [[nodiscard]] base::Numbers numbers() const { return prepared.numbers; }
   /// Doubles in one number.
@@ -70,7 +70,7 @@ struct Analysis {
   [[nodiscard]] Index n() const { return system->prepared.n(); }
   /// Doubles in a vector of n numbers.
   [[nodiscard]] Offset doubles() const { return Offset{system->parts()} * n(); }
-  /// Of real numbers: a complex multiplication and addition are eight, not two.
+  /// Operations of real numbers: a complex multiplication and addition are eight, not two.
   [[nodiscard]] double flops() const { return plan.flops * (system->complex_factor() ? 4 : 1); }
   /// The tree of the system itself, where pivots have not moved yet (real form), or as they are.
   [[nodiscard]] const analysis::AssemblyTree& own_tree() const {
@@ -109,7 +109,7 @@ struct Changes {
 /// but for a few unknowns (analysis/tree_change.hpp), scaling, matching, kind and devices. See
 /// Solver::analyze_change().
 struct FollowedAnalysis {
-  /// Of the numbers of a factor, which fronts stay, and where the entries of before stand now.
+  /// For the numbers of a factor: which fronts stay, and where the entries of before stand now.
   struct Numbers {
     plan::FrontsBefore fronts;
     plan::SourceMap entries;

@@ -30,7 +30,8 @@ void each_array(Analysis& s, Use&& use) {
   use(s.row_of_col);
 }
 
-/// Of one that was read: what is wrong with its scaling and matching, and with sizes of its tree; empty: nothing.
+/// The faults of one that was read: what is wrong with its scaling and matching, and with sizes of its tree; empty:
+/// nothing.
 std::string wrong_with(const SavedAnalysis& saved);
 
 /// A number that differs for different patterns (FNV-1a over sizes, pointers and indices).

@@ -89,7 +89,7 @@ struct PreparedMatrix {
 /// to hold Hermitian values.
 /// @throws Error(invalid_input) when the wish contradicts the matrix (llt or ldlt of an unsymmetric one)
 Kind choose_kind(GivenMatrix& a, Kind wish, base::ThreadPool& pool);
-/// Of a real matrix.
+/// The kind of a real matrix.
 Kind choose_kind(const MatrixView& a, Kind wish, base::ThreadPool& pool);
 
 /// Copies the matrix for `kind`. A general matrix with symmetric values becomes symmetric_both for llt and ldlt; a
@@ -124,7 +124,7 @@ void refuse_zero_rows(const PreparedMatrix& p);
 /// every factorization cost a small system more than its arithmetic.
 void note_determinant(PreparedMatrix& p);
 
-/// Of a Hermitian matrix; others have nothing to fulfil.
+/// A check of a Hermitian matrix; others have nothing to fulfil.
 bool has_real_diagonal(const PreparedMatrix& p, std::span<const double> values);
 
 /// Throws Error(invalid_input) naming an entry that is not finite, or saying that scaling made one so.

@@ -75,7 +75,7 @@ class EntryScaling {
     if constexpr (kParts == 2) fine_ = fine_ && !(hermitian && row == c && value[1] != 0);
     return made;
   }
-  // Of what it has seen; infinite where an entry is not finite.
+  // The largest of what it has seen; infinite where an entry is not finite.
   [[nodiscard]] double largest() const { return fine_ ? most_ : std::numeric_limits<double>::infinity(); }
 
  private:

@@ -27,13 +27,13 @@ class Reduced {
   static std::optional<Reduced> of_samples(const NullSpaceIteration& search, std::span<const Index> rows,
                                            bool transpose);
 
-  // Of m, surely: zeros and others are far apart.
+  // The rank of m, surely: zeros and others are far apart.
   [[nodiscard]] Index rank() const { return rank_; }
   // Null vectors of op(B) among all of them.
   [[nodiscard]] std::optional<Block> null_columns() const;
   // By which solutions of op(B) are corrected.
   [[nodiscard]] RankCorrection correction() const;
-  // Those of the rows of E that depend on the others: all but so many as are independent on the other directions.
+  // Those rows of E that depend on the others: all but so many as are independent on the other directions.
   [[nodiscard]] std::vector<Index> dependent() const;
   // Negative eigenvalues of a symmetric B on them (samples of a form have its inertia).
   [[nodiscard]] Index negative() const;

@@ -14,7 +14,7 @@ namespace espalier::solver {
 
 namespace {
 
-// Of directions in the real space, how many they are of the caller's numbers.
+// For directions in the real space, how many they are of the caller's numbers.
 Index whole(Index directions, Index parts) { return (directions + parts - 1) / parts; }
 
 // The smallest directions of B, more of them while zeros may be among those that are missing.

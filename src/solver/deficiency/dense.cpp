@@ -109,7 +109,8 @@ std::optional<Block> null_columns(const NullSpaceIteration& search, const Eigen:
   return block_of(null->colwise().normalized());
 }
 
-// Of a symmetric matrix. @returns nothing where so many zeros are not among its eigenvalues, by either scaling
+// The negative eigenvalues of a symmetric matrix. @returns nothing where so many zeros are not among its eigenvalues,
+// by either scaling
 std::optional<Index> negative_eigenvalues_of(const Eigen::MatrixXd& b, Index zeros, double zero) {
   const auto values_of = [](const Eigen::MatrixXd& m) -> Eigen::VectorXd {
     return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(m, Eigen::EigenvaluesOnly).eigenvalues();

@@ -9,7 +9,7 @@
 
 namespace espalier::solver {
 
-/// Of found.by_pivots, the vectors alone.
+/// The description of found.by_pivots, the vectors alone.
 /// @param null  basis of what B takes to nothing (of complex numbers: in the real space)
 /// @param left  of lu: of B^T (complex: of B^H), else without columns
 /// @pre found.zeros

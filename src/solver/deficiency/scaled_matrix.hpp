@@ -22,7 +22,7 @@ class ScaledMatrix {
 
   /// Real numbers in one of the caller's.
   [[nodiscard]] Index parts() const { return parts_; }
-  /// Of the real space.
+  /// The size of the real space.
   [[nodiscard]] Index n() const { return parts_ * n_; }
   /// Whether B is not its own transpose there.
   [[nodiscard]] bool two_sided() const {

@@ -57,9 +57,9 @@ class FactorValues {
   void fetch(device::DeviceLinearSystem* device);
 
   [[nodiscard]] std::span<const double> values() const { return values_; }
-  /// Of all rows, or of those that this rank computes.
+  /// The residual of all rows, or of those that this rank computes.
   [[nodiscard]] const solve::ResidualOperator& residual() const { return residual_; }
-  /// Of all rows, as long as this object lives. Collective where ranks share them.
+  /// The vectors' space of all rows, as long as this object lives. Collective where ranks share them.
   [[nodiscard]] std::shared_ptr<const solve::ResidualSpace> space() const;
   /// |op(A)|_inf. Likewise.
   [[nodiscard]] double norm(bool transpose) const;
@@ -126,7 +126,7 @@ class Factor {
   };
   /// Whether there is something to leave.
   [[nodiscard]] bool has_numbers() const;
-  /// Likewise; this factor has none then.
+  /// The same of the numbers; this factor has none then.
   [[nodiscard]] Left leave_numbers();
   /// @pre this factor is new. Where nothing can be kept, its first factorization makes everything, and says why
   void take_numbers(Left left, const FollowedAnalysis::Numbers& stay);
@@ -146,10 +146,11 @@ class Factor {
     return changes_ == 0 && !had_zeros_ && harmless_ == 0 && harmless_growth_ == 0 && !context_.rescaled &&
            inaccurate_.empty() && (factorized_ || !numeric_);
   }
-  /// Of the last factorization; null vectors of complex matrices as doubles, determinant_sign 1 where it is not zero.
+  /// The result of the last factorization; null vectors of complex matrices as doubles, determinant_sign 1 where it is
+  /// not zero.
   [[nodiscard]] const FactorResult& result() const { return result_; }
   [[nodiscard]] FactorResult& result() { return result_; }
-  /// Of the last factorization: the determinant over its magnitude; NaN where a real form does not tell it.
+  /// The phase of the last factorization: the determinant over its magnitude; NaN where a real form does not tell it.
   [[nodiscard]] std::complex<double> determinant_phase() const {
     return result_.determinant_sign == 0 ? 0 : result_.determinant_sign * phase_;
   }
@@ -159,7 +160,7 @@ class Factor {
   [[nodiscard]] GpuPlaces gpu_places() const;
   [[nodiscard]] bool factorized() const { return factorized_; }
 
-  /// Of this factor; never automatic.
+  /// The precision of this factor; never automatic.
   [[nodiscard]] Precision precision() const { return context_.precision(); }
 
   /// @pre factorized(), for all below
@@ -306,7 +307,7 @@ Status singular(const std::vector<Index>& rows, Index zeros, Index n);
 /// inertia. The determinant of the real form is +-|det A|^2, which does not tell it: NaN.
 std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorResult& result);
 
-/// Of a matrix that is singular in a way that nothing has told: no rank, inertia or determinant.
+/// Clears the rank of a matrix that is singular in a way that nothing has told: no rank, inertia or determinant.
 void forget_rank(FactorResult& r);
 /// Why it makes everything again with each factorization; empty: it need not.
 std::string whole_reason(const Analysis& analysis, const Numeric& numeric);

@@ -163,7 +163,7 @@ void FactorValues::fetch(device::DeviceLinearSystem* device) {
 
 namespace {
 
-// Of entries that are stored several times only the sum is known. @param target  of all of the caller's values
+// Where entries are stored several times, only the sum is known. @param target  of all of the caller's values
 void refuse_duplicates(std::span<const Offset> target, std::span<const Offset> places) {
   if (target.empty()) return;
   std::vector<char> times(at(*std::max_element(target.begin(), target.end()) + 1), 0);

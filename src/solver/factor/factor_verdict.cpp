@@ -144,7 +144,7 @@ bool Factor::zeros_beside_others(const device::FactorOutcome& outcome) {
   return true;
 }
 
-// Of columns that vanish for want of rows that others have taken.
+// The zeros among columns that vanish for want of rows that others have taken.
 std::optional<Deficiency> Factor::zeros_among(const device::FactorOutcome& outcome) {
   if (outcome.replaced.empty()) return {};
   const std::vector<Index> columns = columns_of(*analysis_, outcome.replaced);

@@ -469,7 +469,7 @@ device::PivotRule rule_of(Vanishing vanishing, double largest, const Context& co
   return {context.options.pivot_threshold, vanishing.smallest * largest, vanishing.parts ? largest : 0};
 }
 
-// Of a real form. @param plan  the whole
+// The pivot moves of a real form. @param plan  the whole
 std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const plan::Plan& plan,
                                                                   const Scales& scales, std::span<const double> values,
                                                                   Vanishing vanishing, std::span<const Index> failed,

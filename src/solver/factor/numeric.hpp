@@ -60,7 +60,7 @@ class Numeric {
                                                                 std::span<const double> values,
                                                                 const FollowedAnalysis::Numbers& stay,
                                                                 const Context& context) = 0;
-  /// Of the values of the last factorization, after change_analysis(): see Executor::with_changed_plan().
+  /// The outcome of the values of the last factorization, after change_analysis(): see Executor::with_changed_plan().
   virtual device::FactorOutcome factorize_rest() = 0;
   /// Where pivots have to go after a halted factorization, by the values and with the contributions that it has left
   /// (see device::PlacementJob; no list: the search is given up). @pre left_something()
@@ -88,7 +88,7 @@ class Numeric {
   /// Executor::invert_at(). @param values  as many numbers
   virtual bool invert_at(std::span<const Index> unknowns, std::span<const Index> rows, double* values,
                          std::span<char> known) = 0;
-  /// Of the last factorization.
+  /// The scales of the last factorization.
   [[nodiscard]] virtual const Scales& scales() const = 0;
   /// ldlt of a real system: by position, whether it brings a negative eigenvalue of D, of the last factorization; a 2 x
   /// 2 pivot has two positions. Empty: not known.

@@ -18,7 +18,7 @@ Positions together(const Positions& a, const Positions& b) {
   return all;
 }
 
-// Of ascending positions those from `first` to below `end`.
+// The range of ascending positions from `first` to below `end`.
 std::span<const Index> within(const Positions& all, Index first, Index end) {
   const auto begin = std::lower_bound(all.begin(), all.end(), first);
   return {begin, std::lower_bound(begin, all.end(), end)};

@@ -31,7 +31,7 @@ struct DeviceChoice {
 /// The host with all of its memory and threads.
 DeviceChoice whole_host(const device::Registry& registry, std::string reason);
 
-/// Those of several devices that are of use: they can be started and are not so slow that the others would wait for
+/// The devices among several that are of use: they can be started and are not so slow that the others would wait for
 /// them. Speeds are rounded to eighths of the fastest, so that equal devices get equal parts in every run.
 /// @param rates  of choice.numbers, measured
 /// @throws Error(device_error) when none is left

@@ -36,7 +36,7 @@ struct DeviceText {
 /// there is not looked at.
 std::optional<DeviceText> read_device(const std::string& text, const device::Registry& registry);
 
-/// Of this build.
+/// Whether the text names a device of this build.
 bool is_device(const std::string& text);
 
 }  // namespace espalier::solver

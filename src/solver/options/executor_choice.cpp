@@ -52,7 +52,7 @@ Offset in_core_bytes(const Job& job) {
   return job.plan.memory.size * static_cast<Offset>(sizeof(T));
 }
 
-// Of what an executor takes on the host.
+// The bytes of what an executor takes on the host.
 template <class T>
 Offset bytes_beside_arena(const Backend& backend, const Job& job) {
   const int threads = job.pool.size();
@@ -222,7 +222,8 @@ std::unique_ptr<device::Executor<T>> make_out_of_core(const DeviceChoice& device
   }
 }
 
-// Of ranks that have a device each, the devices of the first one's machine, once each, as the first one sees them.
+// The devices of ranks that have a device each, the devices of the first one's machine, once each, as the first one
+// sees them.
 template <class T>
 std::unique_ptr<device::Executor<T>> make_out_of_core_on_first_rank(const DeviceChoice& all, const Job& job,
                                                                     base::ThreadPool& pool, const Context& context) {

@@ -30,7 +30,7 @@ struct DiskForecast {
   Offset written_bytes = 0, read_bytes = 0;  ///< by a factorization
   Offset way_read_bytes = 0;                 ///< by one way of a solve
 };
-/// Of host devices whose budget leaves so much for the factor; others tell nothing.
+/// The forecast of host devices whose budget leaves so much for the factor; others tell nothing.
 /// @throws Error(out_of_memory) as make_executor() would
 DiskForecast predict_disk(const Analysis& analysis, const Context& context, Offset left_bytes);
 /// About the least budget of the host with which make_executor() puts a factor of host devices on disk; it does.

@@ -64,7 +64,7 @@ class GatheredMatrix {
                                   ranks::Communicator* link) const;
 
   [[nodiscard]] Index n() const { return n_; }
-  /// Of vectors where the caller says nothing else: the rows of this rank's part; all on rank 0 where rows are
+  /// The rows of vectors where the caller says nothing else: the rows of this rank's part; all on rank 0 where rows are
   /// nobody's.
   [[nodiscard]] RowRange rows() const { return rows_; }
   [[nodiscard]] Offset part_entries() const { return part_entries_; }

@@ -10,7 +10,7 @@
 
 namespace espalier::solver {
 
-/// Of vectors on this rank. @pre s.factor, here and below
+/// The rows of vectors on this rank. @pre s.factor, here and below
 RowRange rows_of(const Session& s);
 /// See Solver::set_rows(); `call` is the name that the caller knows it by.
 void set_rows(Session& s, const char* call, RowRange rows);

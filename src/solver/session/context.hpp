@@ -20,7 +20,8 @@ struct Context {
   base::MemoryBudget& budget;
   base::Timeline* timeline = nullptr;
   ranks::Communicator* link = nullptr;  ///< to other ranks; null: there are none
-  /// Of the host, by which plans are made: with ranks the fewest that one of them has, so that all make the same plan.
+  /// The threads of the host, by which plans are made: with ranks the fewest that one of them has, so that all make the
+  /// same plan.
   const int* planning_threads = nullptr;
   bool raised = false;    ///< FP32 does not do, or does not pay: a factor goes on in FP64
   bool rescaled = false;  ///< pivots vanished in the analysis's scaling alone: a factor takes one of its own
@@ -28,7 +29,7 @@ struct Context {
   void log(const std::string& line) const {
     if (options.log) options.log(line);
   }
-  /// Of factors; never automatic.
+  /// The precision of factors; never automatic.
   [[nodiscard]] Precision precision() const {
     if (raised) return Precision::fp64;
     // What two processes measure differs, so that they might go different ways.

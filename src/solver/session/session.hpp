@@ -53,7 +53,7 @@ class Session {
   void load_part(const std::string& path, const GivenLocal<Local>& part) {
     load_analysis(path, gather_part(part));
   }
-  /// Of other ranks; null: there are none.
+  /// The communicator of other ranks; null: there are none.
   [[nodiscard]] ranks::Communicator* link() const { return ranks.size() > 1 ? ranks.link().get() : nullptr; }
 
   [[nodiscard]] Solver::State state() const {

@@ -38,7 +38,7 @@ class FrontMarks {
     }
   }
   [[nodiscard]] std::span<const char> marks() const { return marks_; }
-  /// Of the factor, in these fronts.
+  /// Entries of the factor, in these fronts.
   [[nodiscard]] double entries() const { return entries_; }
 
  private:

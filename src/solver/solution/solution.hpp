@@ -31,7 +31,7 @@ struct Turned {
 };
 Turned turned(const Analysis& a, Transpose wish);
 
-/// Of complex numbers.
+/// The conjugates of complex numbers.
 void conjugate(double* x, Offset count);
 
 }  // namespace espalier::solver

@@ -29,7 +29,7 @@ using solver::Session;
 
 constexpr Index kColumnsAtOnce = 32;  // whole solutions
 
-// Of a solution as the factor gives it, for random numbers between a half and one of either sign.
+// The error of a solution as the factor gives it, for random numbers between a half and one of either sign.
 solve::BackwardError error_without_refinement(Factor& factor, bool transpose) {
   const auto doubles = static_cast<std::size_t>(factor.analysis()->doubles());
   std::vector<double> b(doubles), x(doubles);

@@ -17,7 +17,8 @@ namespace espalier::solver {
 
 class Substitution {
  public:
-  /// Of a matrix in general storage; stored zeros do not count. It points to `prepared` and `values` from then on.
+  /// The substitution of a matrix in general storage; stored zeros do not count. It points to `prepared` and `values`
+  /// from then on.
   /// @param rows  of prepared.a
   /// @returns nothing where the matrix is not triangular in any order, or a pivot is not finite
   static std::optional<Substitution> find(const PreparedMatrix& prepared, std::span<const double> values,

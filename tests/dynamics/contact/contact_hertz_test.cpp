@@ -116,7 +116,8 @@ Found cylinders(int over_radius, const Penalty& penalty = {5}) {
   const contact::ContactReport report = contact.report(held.state());
   found.peak = report.pressure / peak;
   found.force = force / wanted;
-  // Of the half: the integral of p x is F 4 a / (3 pi), that of p^2 over the width F'^2 16 / (3 pi^2 a), F' = 2 F.
+  // Moments of the half: the integral of p x is F 4 a / (3 pi), that of p^2 over the width F'^2 16 / (3 pi^2 a), F' = 2
+  // F.
   found.radius_moment = std::abs(report.moment[1]) / force * 0.75 * std::numbers::pi / radius;
   const double square = 2 * 2 * law.stiffness * report.energy / kThick, line = 2 * force / kThick;
   found.radius_norm = 16 * line * line / (3 * std::numbers::pi * std::numbers::pi * square) / radius;
@@ -171,7 +172,7 @@ Found sphere(int over_radius, const Penalty& penalty = {20}) {
   const double radius = std::cbrt(0.75 * force * kRadius / e_star);
   found.force = force / wanted;
   found.radius = std::sqrt(2.5 * second_moment(held, contact, false)) / radius;
-  // Of the quarter: the integral of p x is F 3 a / 8; that of p^2 over all is 9 F^2 / (8 pi a^2).
+  // Moments of the quarter: the integral of p x is F 3 a / 8; that of p^2 over all is 9 F^2 / (8 pi a^2).
   found.radius_moment = std::abs(report.moment[1]) / report.normal_force * 8 / 3 / radius;
   const double square = 4 * 2 * law.stiffness * report.energy;
   found.radius_norm = std::sqrt(9 * force * force / (8 * std::numbers::pi * square)) / radius;

@@ -166,19 +166,19 @@ TEST(ContactLineFriction, ParallelRopesAreExact) {
 // The spring follows a rotation of everything since the last step, about any axis across the line that holds it.
 TEST(ContactLineFriction, RotationOfEverythingMakesNoSlip) {
   for (const Vec3& turn : {Vec3(0.7, 0, 0), Vec3(0, 0, -1.2), Vec3(0.6, 0, 0.8)}) {  // the lower rod lies along y
-    Rods here(rods(std::numbers::pi / 2, 2.5e-3, 4, 8)), there(rods(std::numbers::pi / 2, 2.5e-3, 4, 8));
+    Rods here(rods(std::numbers::pi / 2, 2.5e-3, 4, 8)), turned(rods(std::numbers::pi / 2, 2.5e-3, 4, 8));
     const Vec3 by(2e-6, 1.5e-6, 0);
     const Mat3 r = rotation_exp(turn);
     here.shift(by);
-    there.shift(by);
-    for (const std::size_t body : {0, 1}) there.move(body, [&](const Vec3& x, bool) { return Vec3(r * x); });
+    turned.shift(by);
+    for (const std::size_t body : {0, 1}) turned.move(body, [&](const Vec3& x, bool) { return Vec3(r * x); });
     for (int again = 0; again < 2; ++again) {  // now, and with what is remembered of it
-      const contact::ContactReport a = here.report(), b = there.report();
+      const contact::ContactReport a = here.report(), b = turned.report();
       ASSERT_GT(a.friction_force, 0.1 * a.normal_force);
       EXPECT_LT(a.slipping, a.points);
       EXPECT_LT((r * a.force - b.force).norm(), 1e-9 * a.normal_force);
       here.mechanism->system.accept(here.state.view());
-      there.mechanism->system.accept(there.state.view());
+      turned.mechanism->system.accept(turned.state.view());
     }
   }
 }

@@ -309,7 +309,7 @@ TEST(MotionAdjoint, SaysWhatItCannot) {
   EXPECT_EQ(none.status.code, StatusCode::cancelled) << none.status.message;
 }
 
-// Of an equilibrium: the chain rule at its one row.
+// The objective of an equilibrium: the chain rule at its one row.
 TEST(MotionAdjoint, ObjectiveOfAnEquilibrium) {
   std::string text =
       kOscillator.substr(0, kOscillator.find("[output]")) +

@@ -38,7 +38,7 @@ struct BlockResult {
   std::vector<double> force, tangent, energy;
 };
 
-/// Of a symmetric tangent only the blocks a <= b are given.
+/// In a symmetric tangent only the blocks a <= b are given.
 void fill_lower_half(std::vector<double>& tangent, std::size_t width) {
   for (std::size_t column = 0; column < 24; ++column)
     for (std::size_t row = column / 3 * 3 + 3; row < 24; ++row)

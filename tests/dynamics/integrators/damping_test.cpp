@@ -92,7 +92,7 @@ ModelHarmonicResult swept(const std::string& damping, const std::string& frequen
       fmt::format("[harmonic]\n{}\nloads = [\"shaker\"]\nquantities = [\"tip.position.y\"]\n{}", frequencies, more)));
 }
 
-// Of the body alone or of all stiffness: the same, as there is no other.
+// The damping of the body alone or of all stiffness: the same, as there is no other.
 TEST(Damping, StructuralInResponses) {
   const char* const frequencies = "frequencies = [3, 8.2, 40, 51.5]";
   const ModelHarmonicResult whole = swept("", frequencies, "loss_factor = 0.05");

@@ -28,7 +28,7 @@ std::string slider_crank(const std::string& crank, const std::string& rod, const
       crank, x / 2, rod, -std::asin(0.3), x, x, x, initial);
 }
 
-/// Of the state at the start.
+/// The value of the state at the start.
 double at_start(const std::string& text, const std::string& quantity, std::vector<std::string>& notices) {
   Simulation run;
   const Status status = run.load_text(text, "crank.toml");

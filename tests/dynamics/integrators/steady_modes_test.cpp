@@ -64,7 +64,7 @@ TEST(SteadyModes, BenchmarkBicycle) {
 
 TEST(SteadyModes, BicycleAtRestFallsOver) {
   const std::vector<SimulationMode> modes = modes_of(kBicycle, {"parameters.speed=0"});
-  // Of each pair the one that grows.
+  // In each pair: the one that grows.
   EXPECT_TRUE(has(modes, 3.131643247906656, 1e-9)) << list(modes);
   EXPECT_TRUE(has(modes, 5.530943717653393, 1e-9)) << list(modes);
 }

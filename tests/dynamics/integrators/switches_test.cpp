@@ -90,8 +90,8 @@ TEST(Switches, ShortBlowsAreMet) {
   }
 }
 
-// Of the place: a field that is passed in a millisecond and of which neither end of a long step knows. The work of the
-// force over 0.002 m is that of v^2.
+// Fields of the place: a field that is passed in a millisecond and of which neither end of a long step knows. The work
+// of the force over 0.002 m is that of v^2.
 TEST(Switches, NarrowFieldsAreMet) {
   const std::string field = "100*max(0, 1 - abs(m.position.x - 5)/0.001)";
   for (const double tolerance : {1e-4, 1e-6, 1e-8}) {

@@ -42,7 +42,7 @@ struct Weighed {
     for (const auto& [node, w] : weights) out[node] = w / sum() * force + w * turn.cross(places.at(node) - m);
     return out;
   }
-  /// Of the reference node, linear in the displacements of the nodes.
+  /// The motion of the reference node, linear in the displacements of the nodes.
   [[nodiscard]] Vec3 motion(const Vec3& at, const std::map<int, Vec3>& moved) const {
     Vec3 spin = Vec3::Zero();
     for (const auto& [node, w] : weights) spin += w * (places.at(node) - mean(places)).cross(moved.at(node));

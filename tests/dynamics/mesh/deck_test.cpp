@@ -193,7 +193,7 @@ TEST_F(Decks, StressesOfTheStepBefore) {
   }
 }
 
-// Of a model: words choose; what is left is a notice; the model's own run stays.
+// The words of a model: words choose; what is left is a notice; the model's own run stays.
 TEST_F(Decks, ChosenByWords) {
   write("bar.inp", kBar + kClamp + kStatic + "*CLOAD\nX2, 1, 1.\n*CONTACT PAIR\nA,B\n");
   const auto model = [&](const std::string& take, const std::string& more) {

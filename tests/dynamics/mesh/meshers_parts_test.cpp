@@ -14,13 +14,13 @@
 namespace espalier::dynamics::test {
 namespace meshers_parts_test {
 
-struct Part {
+struct MeshedPart {
   std::string name;
   std::function<Mesh(const MeshSize&)> make;
   double volume;  // of the exact shape; negative: not known in closed form
   std::vector<std::string> faces;
 };
-std::ostream& operator<<(std::ostream& out, const Part& p) { return out << p.name; }
+std::ostream& operator<<(std::ostream& out, const MeshedPart& p) { return out << p.name; }
 
 std::vector<double> coordinates(const Mesh& mesh, Index e) {
   std::vector<double> x;
@@ -44,7 +44,7 @@ double shank_area(double length, double r1, double w1, double r2, double w2) {
   return 0.5 * (w1 + w2) * chord - segment(r1, a1) - segment(r2, a2);
 }
 
-std::vector<Part> parts() {
+std::vector<MeshedPart> parts() {
   const RodShape r;
   const LinkShape l;
   const CrankShape c;
@@ -96,7 +96,7 @@ std::vector<Part> parts() {
            {"teeth", "bore", "front", "back"}}};
 }
 
-class Parts : public testing::TestWithParam<Part> {};
+class Parts : public testing::TestWithParam<MeshedPart> {};
 
 // Truth: the exact volume (quadratic elements follow circles to third order), with faces between elements shared:
 // a boundary that is closed has the divergence theorem, volume = 1/3 integral of x . n.

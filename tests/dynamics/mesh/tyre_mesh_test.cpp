@@ -25,7 +25,7 @@ struct Skin {
   Vec3 sum = Vec3::Zero();      // of the areas as vectors
 };
 
-/// Of flat triangles from the middle of each face to its corners.
+/// The skin of flat triangles from the middle of each face to its corners.
 Skin skin_of(const Mesh& mesh, const std::vector<MeshFace>& faces) {
   Skin skin;
   for (const MeshFace& face : faces) {

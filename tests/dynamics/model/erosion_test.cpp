@@ -56,8 +56,8 @@ class Bar {
     energy_ = 0.5 * 0.5 * green * green;
   }
   static constexpr double kLimit = 1e-3;
-  /// Of the right end, at which the soft element is strained to the limit; St. Venant and Kirchhoff: P = E l (l^2 - 1)
-  /// / 2 with the stretch l is the same in all elements.
+  /// The way of the right end, at which the soft element is strained to the limit; St. Venant and Kirchhoff: P = E l
+  /// (l^2 - 1) / 2 with the stretch l is the same in all elements.
   [[nodiscard]] double way() const { return way_; }
   [[nodiscard]] double energy() const { return energy_; }  ///< of strain in the soft element there
   [[nodiscard]] std::string text(const std::string& motion, const std::string& rest) const {

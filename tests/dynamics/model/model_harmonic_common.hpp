@@ -27,7 +27,7 @@ inline ModelHarmonicResult responded(const std::string& text, const std::vector<
   return model_harmonic_of_text(text, "model.toml", o);
 }
 
-/// Of the first load.
+/// The value of the first load.
 inline Complex value_of(const ModelHarmonicResult& r, std::size_t point, const std::string& quantity) {
   const auto it = std::find(r.quantities.begin(), r.quantities.end(), quantity);
   EXPECT_NE(it, r.quantities.end()) << quantity;

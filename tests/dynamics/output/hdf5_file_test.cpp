@@ -114,7 +114,7 @@ TEST(Hdf5File, OthersAndDamagedOnesAreRefused) {
     }
     std::fstream again(path, std::ios::in | std::ios::out | std::ios::binary);
     again.seekp(at);
-    again.put(old);
+    again.write(&old, 1);
   }
   EXPECT_NO_THROW(Earlier(path, file));
   std::filesystem::resize_file(path, 100);

@@ -66,7 +66,7 @@ def check(name, launcher, options, program, counts, device):
     return bad
 
 
-# Of every run, whose files must be those of one process.
+# The model of every run, whose files must be those of one process.
 MODEL = """gravity = [0, 0, -9.81]
 [bodies.bar]
 type = "solid"

@@ -112,7 +112,7 @@ class CFactorFile : public ::testing::Test {
     EXPECT_EQ(info.rank, n);
     std::vector<double> b(static_cast<std::size_t>(n * columns * (complex ? 2 : 1)));
     for (std::size_t k = 0; k < b.size(); ++k) b[k] = std::sin(1.0 + static_cast<double>(k));
-    // Of what L U has expanded, the transpose is solved: of a Hermitian matrix by rows in place of the conjugate.
+    // Where L U has expanded, the transpose is solved: of a Hermitian matrix by rows in place of the conjugate.
     const bool same_bits = !(complex && storage != ESPALIER_GENERAL && std::string(kind) == "lu");
     for (const int t : {ESPALIER_NO_TRANSPOSE, ESPALIER_TRANSPOSE, ESPALIER_CONJUGATE_TRANSPOSE}) {
       const Dense m = t == ESPALIER_NO_TRANSPOSE ? a

@@ -226,7 +226,7 @@ TEST(ManyZeros, RankInertiaAndSolutionOfAnyNumber) {
       }
 }
 
-// Of A v beside |A| |v|, the largest, in the infinity norm.
+// The image of A v beside |A| |v|, the largest, in the infinity norm.
 double largest_image(const SparseMatrix& a, const std::vector<double>& vectors) {
   const auto n = static_cast<std::size_t>(a.rows);
   const std::vector<double> zero(n, 0.0);

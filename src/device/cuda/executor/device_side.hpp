@@ -121,7 +121,7 @@ class DeviceSide {
   [[nodiscard]] const FactorEnd& factor_end() const { return *end_.data(); }
   /// From the next recording of enqueue_factor() on: kernels that know nothing of pairs.
   void forget_pairs();
-  /// Likewise: every task is held up so long, and recorded.
+  /// From the next recording on, too: every task is held up so long, and recorded.
   void delay_tasks(unsigned nanoseconds) { state_.delay = nanoseconds; }
   void record_tasks();
   void clear_record();
@@ -155,7 +155,7 @@ class DeviceSide {
   void marked(bool failed, std::vector<unsigned char>& marks) const;
   /// n pivots; only those that this device made or got are defined.
   void pivots(std::vector<T>& to) const;
-  /// Likewise of ldlt the inverse of D, n each: see Executor.
+  /// The same of ldlt: the inverse of D, n each: see Executor.
   void inverse_pivots(std::vector<T>& d, std::vector<T>& e) const;
 
   [[nodiscard]] int self() const { return self_; }

@@ -231,11 +231,11 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     for (const auto& side : sides_) at(*side, [&] { side->enqueue_clear_solve(pass); });
   }
 
-  // Of graphs_, or of filled_graphs_.
+  // Runs a graph of graphs_, or of filled_graphs_.
   FactorOutcome run(bool filled);
   FactorOutcome run_once(bool filled, SideFlags& flags);
   void finish_run(bool filled, const SideFlags& flags, FactorOutcome& out);
-  // Of the fronts that are not 0. @pre goes_on(), and judges_alike() by the limits that are set
+  // Runs the tasks of the fronts that are not 0. @pre goes_on(), and judges_alike() by the limits that are set
   FactorOutcome run_part(const FilledValues& values, std::span<const char> reached);
   // Whether all fronts are finished, without a failure, and stay until a next run.
   [[nodiscard]] bool goes_on() const;

@@ -373,7 +373,7 @@ class ExecutorOnRanks final : public CudaExecutor<T> {
     }
   }
 
-  // Those of other machines are read from this GPU's memory.
+  // The pivots of other machines are read from this GPU's memory.
   void gather_pivots() {
     const Offset n = plan_.tree.n, parts = kind_ == Kind::ldlt ? 3 : 1;
     const Offset bytes = parts * n * static_cast<Offset>(sizeof(T));

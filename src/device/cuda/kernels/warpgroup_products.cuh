@@ -104,7 +104,7 @@ __device__ inline void wait_for_products(float (&sums)[M][N][4]) {
       for (int e = 0; e < 4; ++e) asm volatile("" : "+f"(sums[m][n][e])::"memory");
 }
 
-/// Of the 64 rows times kM of a block, so many times 64 are multiplied at a time: there are registers for 64 partial
+/// From the 64 rows times kM of a block, so many times 64 are multiplied at a time: there are registers for 64 partial
 /// sums a thread.
 template <class S>
 inline constexpr int kRowsAtATime = S::kM* S::kN > 16 ? 16 / S::kN : S::kM;

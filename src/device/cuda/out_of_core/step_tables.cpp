@@ -34,7 +34,7 @@ void OutOfCoreTables::add_front(const out_of_core::InCoreStep& step, Index k, Un
   arrays.fronts.push_back(x);
 }
 
-// Of a front in the step's tables: its own fronts, then those that were eliminated before.
+// The number of a front in the step's tables: its own fronts, then those that were eliminated before.
 std::int32_t OutOfCoreTables::place_in(const out_of_core::InCoreStep& step, Index f) {
   const bool own = std::binary_search(step.fronts.begin(), step.fronts.end(), f);
   const auto& list = own ? step.fronts : step.externals;

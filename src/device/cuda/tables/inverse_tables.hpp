@@ -181,7 +181,7 @@ ESPALIER_BOTH T inverse_element(const InverseFrontOf<T>& x, const T* array, int 
   return array[f.chunk_offset(c / kChunk, r / kPanel * kPanel) + fragment_offset(r % kPanel, c % kChunk)];
 }
 
-/// Likewise of V. d, e: FactorState::inverse_d and inverse_e (ldlt)
+/// The same tables of V. d, e: FactorState::inverse_d and inverse_e (ldlt)
 template <class T>
 ESPALIER_BOTH T second_element(const InverseFrontOf<T>& x, Kind kind, const T* d, const T* e, int block, int row,
                                int col) {

@@ -99,7 +99,7 @@ double winding(const TriangleSurface& surface, const Shell& shell, const Vec3& x
   return angle / (4 * std::numbers::pi);
 }
 
-/// Of several shells each is a piece of its own, or the wall of a cavity inside of one.
+/// Where there are several shells, each is a piece of its own, or the wall of a cavity inside of one.
 void check_shells(const TriangleSurface& surface, const std::string& name) {
   const std::vector<Shell> shells = shells_of(surface);
   for (const Shell& shell : shells) {
@@ -134,7 +134,7 @@ SurfaceSolid solid_inside(const TriangleSurface& surface, const std::string& nam
   }
   solid.extents = high - low;
   const Vec3 origin = 0.5 * (low + high);
-  // Of a tetrahedron (0, a, b, c) of volume v: integral of x is v (a + b + c) / 4, that of x x^T is
+  // Moments of a tetrahedron (0, a, b, c) of volume v: integral of x is v (a + b + c) / 4, that of x x^T is
   // v / 20 ((a + b + c) (a + b + c)^T + a a^T + b b^T + c c^T).
   Vec3 first = Vec3::Zero();
   Mat3 second = Mat3::Zero();

@@ -45,7 +45,7 @@ ESPALIER_APART void working_stress(const Assumed& assumed, const T (&stress)[kQ]
   }
 }
 
-/// Of component c alone.
+/// The strain of component c alone.
 template <class T>
 ESPALIER_ANYWHERE Tensor<T> single_component(int c, T value) {
   T all[6];

@@ -31,7 +31,7 @@ class StaticFollower {
   [[nodiscard]] int iterations() const { return iterations_; }
   [[nodiscard]] const std::vector<CriticalPoint>& critical() const { return critical_; }
   [[nodiscard]] const std::string& loose_end() const { return loose_end_; }
-  // Of the last attempt that failed.
+  // The outcome of the last attempt that failed.
   [[nodiscard]] StaticOutcome failure() const { return failure_; }
   [[nodiscard]] double last_try() const { return last_try_; }        ///< change of the load factor, or length of arc
   [[nodiscard]] const std::string& where() const { return where_; }  ///< coordinate or constraint

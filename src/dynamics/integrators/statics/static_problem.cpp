@@ -36,7 +36,7 @@ StaticProblem::StaticProblem(Equations& equations, const State& start, double lo
   reference_ = std::max(force_norm(f0_), force_norm(load_rate(x)));
 }
 
-// Of W at the start. W is made where K takes it from: it is large.
+// The diagonal of W at the start. W is made where K takes it from: it is large.
 std::vector<double> StaticProblem::diagonal_of(const TangentWeights& weights) {
   System& system = equations_.system();
   equations_.update_pattern();
@@ -207,7 +207,7 @@ void StaticProblem::settle(StaticPoint& x) {
   equations_.system().accept(x.state.view());
 }
 
-// Of a point that is far off, the reactions are no measure: they may exceed all that was met so far by ten times.
+// For a point that is far off, the reactions are no measure: they may exceed all that was met so far by ten times.
 bool StaticProblem::balanced(const StaticPoint& x, double tolerance) const {
   constexpr double kGrowth = 10;
   const double reached = reactions(x);

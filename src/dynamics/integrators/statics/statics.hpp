@@ -27,8 +27,8 @@ enum class StaticPath {
 };
 
 struct StaticsOptions {
-  /// Of the residual, sqrt(sum r_i^2 / m_ii), relative to the largest of loads and reactions on the path; and of Phi,
-  /// relative to the size of the system. What rounding keeps above it is accepted (Statics::at_rounding).
+  /// The tolerance of the residual, sqrt(sum r_i^2 / m_ii), relative to the largest of loads and reactions on the path;
+  /// and of Phi, relative to the size of the system. What rounding keeps above it is accepted (Statics::at_rounding).
   double tolerance = 1e-9;
   double load = 1;                ///< load factor at the end
   double first_step = 0.1;        ///< of the load factor, relative to `load`

@@ -190,7 +190,7 @@ struct Deck {
 /// Reads a deck. @param step  the one to be taken, from 1, with what those before it leave; 0: the first
 /// @throws Error(invalid_input) "file:line: what, and what to do"; for files that are no decks
 Deck read_deck(const std::string& path, int step = 0);
-/// Of .inp and Nastran files; `name` stands for the file in messages.
+/// The deck of .inp and Nastran files; `name` stands for the file in messages.
 Deck parse_inp_deck(std::string content, const std::string& name, int step = 0);
 Deck parse_nastran_deck(std::string content, const std::string& name, int step = 0);
 

@@ -75,7 +75,7 @@ class InpDeckReader {
     leave(procedure && name != "*MODELCHANGE" ? DeckKind::step : DeckKind::others, name, card);
   }
 
-  /// Of a material that elements are made of.
+  /// The law of a material that elements are made of.
   void material_law(const InpCard& card) {
     const auto& sections = lookup_.mesh().section_material;
     if (std::none_of(sections.begin(), sections.end(), [&](const auto& s) { return s.second == card.material; }) &&

@@ -21,9 +21,9 @@ class InpTarget {
   [[nodiscard]] Index node(const InpCard& card, const CardFields& f, std::size_t k) const;
   /// Elements of the first field: a label or a set; empty: all.
   [[nodiscard]] std::vector<Index> elements(const InpCard& card, const CardFields& f) const;
-  /// Of the surface in field `k`.
+  /// The faces of the surface in field `k`.
   [[nodiscard]] std::vector<MeshFace> faces(const InpCard& card, const CardFields& f, std::size_t k = 0) const;
-  /// Of a surface of elements or nodes, or of a set of nodes.
+  /// The nodes of a surface of elements or nodes, or of a set of nodes.
   /// @param faces  where it is one of elements, its faces are added
   [[nodiscard]] std::vector<Index> surface_nodes(const InpCard& card, const CardFields& f, std::size_t k,
                                                  std::vector<MeshFace>* faces = nullptr) const;

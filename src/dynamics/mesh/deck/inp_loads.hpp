@@ -18,7 +18,7 @@ class InpAmplitudes {
  public:
   explicit InpAmplitudes(const InpTarget& target) : target_(target) {}
   void read(const InpCard& card);
-  /// Of a card's AMPLITUDE: its place in Deck::curves, -1: none. One that cannot be taken is left, as `kind`.
+  /// The curve of a card's AMPLITUDE: its place in Deck::curves, -1: none. One that cannot be taken is left, as `kind`.
   [[nodiscard]] int of(const InpCard& card, DeckKind kind) const;
 
  private:

@@ -247,7 +247,7 @@ class InpPartReader {
     open_.reset();
   }
 
-  /// Of an element DCOUP3D: the sum of w_k (u_k - u) is 0, as in CalculiX, wherever the reference lies.
+  /// The equation of an element DCOUP3D: the sum of w_k (u_k - u) is 0, as in CalculiX, wherever the reference lies.
   void old_distributing(const InpCard& card) {
     if (target_.leaves_parameter(card, DeckKind::couplings, {"ELSET"})) return;
     DeckCoupling out{card.place, -1, {}, false};

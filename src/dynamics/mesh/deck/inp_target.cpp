@@ -9,7 +9,7 @@ namespace espalier::dynamics {
 
 namespace {
 
-/// Of faces of solids, and of sides of shells.
+/// The nodes of faces of solids, and of sides of shells.
 std::vector<Index> nodes_of_sides(const Mesh& mesh, const std::vector<MeshFace>& faces) {
   std::vector<Index> all;
   for (const MeshFace& face : faces) {

@@ -14,7 +14,7 @@ inline Point cross_product(const Point& a, const Point& b) {
   return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
 }
 inline Point scaled_by(double factor, const Point& a) { return {factor * a[0], factor * a[1], factor * a[2]}; }
-/// Of length one; zeros where the vector has no direction.
+/// The direction, of length one; zeros where the vector has no direction.
 inline Point direction_of(const Point& a) {
   const double length = std::hypot(a[0], a[1], a[2]);
   return length > 0 ? scaled_by(1 / length, a) : Point{};

@@ -33,7 +33,7 @@ struct HarmonicPicture {
   std::vector<double> shift;  ///< increment of the configuration
   std::vector<double> v;      ///< its velocity
 };
-/// Of one load, shape after shape. @param velocities  n of the model
+/// The pictures of one load, shape after shape. @param velocities  n of the model
 [[nodiscard]] std::vector<HarmonicPicture> harmonic_pictures(const ModelHarmonicResult& r, std::size_t load, int phases,
                                                              Index velocities);
 

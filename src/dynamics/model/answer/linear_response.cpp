@@ -10,8 +10,8 @@
 namespace espalier::dynamics::model {
 namespace {
 
-// Of the largest displacement, of the extent of the model, at the outermost point: strains of bent bodies are the
-// square of that times slenderness, elements at a load many times as much.
+// The bound of the largest displacement, of the extent of the model, at the outermost point: strains of bent bodies are
+// the square of that times slenderness, elements at a load many times as much.
 constexpr double kOutermost = 1e-3;
 
 // p(s) = sum c_j s^j through p(0) = 0 and p(1..4): c_1 and c_2 by divided differences.

@@ -64,7 +64,7 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
   try {
     if (values.empty()) throw Error(StatusCode::invalid_input, "modes: no value of '" + number + "' is given");
     const std::string source = source_of(text, name, number);
-    // Of one value alone what is done for it counts.
+    // Where there is one value alone, what is done for it counts.
     const bool several = values.size() > 1;
     base::Stage stage("modes", static_cast<double>(values.size()), several ? "points" : "");
     for (const double value : values) {

@@ -39,7 +39,7 @@ std::shared_ptr<const Mesh> grid_mesh(const ShellSpec& s) {
   return mesh;
 }
 
-/// Of the mean, between the corners.
+/// The thickness, a share of the mean, between the corners.
 double thickness_at(const ShellSpec& s, Index i, Index j) {
   if (s.corners.empty()) return 1;
   const double x = static_cast<double>(i) / s.nx, y = static_cast<double>(j) / s.ny;
@@ -346,8 +346,8 @@ HeldPoint shell_node(const BuiltBody& body, Index node) {
   return {fmt::format("node {}", shell.mesh->node_label(node)), {{2 * node, 1}, {2 * node + 1, -shell.offset}}, place};
 }
 
-/// Of nodes without turns about the normal: with the edges that begin there, whose changes from node to node say how
-/// the surface turns within itself. A thousandth of the director's weight leaves all else to the director.
+/// The frame of nodes without turns about the normal: with the edges that begin there, whose changes from node to node
+/// say how the surface turns within itself. A thousandth of the director's weight leaves all else to the director.
 std::unique_ptr<FlexibleFrame> shell_node_frame(const BuiltBody& body, Index node, const Mat3& axes) {
   constexpr double kEdges = 1e-3;
   const auto& shell = std::get<ShellSpec>(body.spec.shape);

@@ -16,7 +16,7 @@ namespace espalier::dynamics::model {
 [[nodiscard]] ElementMaterials solid_materials(const Mesh& mesh, const SolidSpec& solid,
                                                std::span<const Index> elements, bool statics, bool& massless);
 
-/// Of a solid that is built.
+/// The materials of a solid that is built.
 [[nodiscard]] ElementMaterials materials_of(const BuiltBody& body);
 
 }  // namespace espalier::dynamics::model

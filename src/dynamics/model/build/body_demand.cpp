@@ -10,7 +10,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-/// Of a body, at least.
+/// The size of a body, at least.
 struct BodySize {
   double elements = 0, unknowns = 0;
   double bytes = 0;  ///< of one unknown

@@ -38,7 +38,7 @@ std::vector<FrameVertex> vertices_of(const std::vector<HeldPoint>& points, const
   return vertices;
 }
 
-/// Of the points that are marked.
+/// The mean of the points that are marked.
 Vec3 mean_of(const std::vector<HeldPoint>& points, const std::vector<double>& weights,
              const std::vector<char>& marked) {
   Vec3 sum = Vec3::Zero();
@@ -114,7 +114,7 @@ std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltB
       throw std::invalid_argument(
           fmt::format("nodes of '{}' have places and slopes of their own: give one node", m.body));
     const Vec3 director = Eigen::Map<const Vec3>(flexible.reference().data() + 3 * (2 * k + 1));
-    // Of very thin shells farther out, where the turn about an edge can be told from rounding.
+    // The frame of very thin shells farther out, where the turn about an edge can be told from rounding.
     const double extent = shell->file ? flexible.size() : std::max(shell->x.norm(), shell->y.norm());
     const double apart = std::max(shell->thickness, kLeastApart * extent);
     for (const double side : {-0.5, 0.5}) {
@@ -167,7 +167,7 @@ std::pair<std::unique_ptr<FlexibleFrame>, Vec3> FrameBuilder::make_base(const Ma
 
 namespace {
 
-/// Of nodes of a solid, ascending: the integrals of their shape functions over faces.
+/// The shares of nodes of a solid, ascending: the integrals of their shape functions over faces.
 std::vector<double> shares_of_area(const Mesh& mesh, const std::string& face, const std::vector<Index>& nodes) {
   const std::map<Index, double> shares = area_weights(mesh, mesh.face_set(face));
   std::vector<double> weights;

@@ -119,7 +119,7 @@ class SupportBuilder {
         {std::move(parts), rest, motion, fmt::format("node {} of '{}', {}", label(node), spec_.where.body, what)});
   }
 
-  /// Of other supports, what holds a direction of a vertex already, as one that moves where there is one; else null.
+  /// The other support that holds a direction of a vertex already, as one that moves where there is one; else null.
   [[nodiscard]] const HeldDirection* holder(Index vertex, const Vec3& direction) const {
     constexpr double kNew = 1e-9;
     const auto known = out_.held.find({spec_.where.body, vertex});
@@ -143,7 +143,7 @@ class SupportBuilder {
     return first;
   }
 
-  /// Of a shell all of the director, whose length is the thickness; of a cable the direction.
+  /// Holds, of a shell, all of the director, whose length is the thickness; of a cable the direction.
   void clamp_slope(Index node, Index vertex) {
     const bool cable = std::holds_alternative<CableSpec>(body_.spec.shape);
     for (int i = 0; i < 3; ++i)

@@ -109,7 +109,7 @@ class FrameBuilder {
 void build_surface_contacts(const Description& model, const FrameBuilder& frames, Mechanism& out);
 /// After all frames. @throws Error(invalid_input) with the place
 void build_support(const SupportSpec& spec, const FrameBuilder& frames, Mechanism& out);
-/// Likewise.
+/// Adds an equation of a model in the same way.
 void build_equation(const EquationSpec& spec, const FrameBuilder& frames, Mechanism& out);
 void build_tie(const TieSpec& spec, const FrameBuilder& frames, Mechanism& out);
 /// Stops and friction of a joint that is in the system already.

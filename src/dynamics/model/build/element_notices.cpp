@@ -135,7 +135,7 @@ std::optional<std::string> locking_notice(const BuiltBody& body) {
 }
 
 std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q) {
-  // Of cubes and longer ones, of flat ones: bench/dynamics/element_table.py.
+  // The limits of cubes and longer ones, of flat ones: bench/dynamics/element_table.py.
   constexpr double kFlat = 0.4, kStable = 0.7, kStableFlat = 0.94;
   const auto* solid = std::get_if<SolidSpec>(&body.spec.shape);
   if (solid == nullptr || !body.mesh || body.flexible == nullptr || body.reduced != nullptr) return std::nullopt;

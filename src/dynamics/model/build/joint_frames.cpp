@@ -97,7 +97,7 @@ std::string face_name(const MarkerSpec& m) {
                      m.body);
 }
 
-/// Likewise two axes that cross.
+/// The same check for two axes that cross.
 void check_both_axes(const JointSpec& j, const JointKind& kind) {
   if (kind.axes != JointKind::Axes::both) return;
   for (const std::size_t k : {0, 1})

@@ -108,7 +108,8 @@ class Pieces {
     }
     return true;
   }
-  /// Of an element of the piece: three nodes that nothing leads, which it holds; false where there are none.
+  /// Takes the nodes of an element of the piece: three nodes that nothing leads, which it holds; false where there are
+  /// none.
   bool hold(int piece, std::array<Index, 3>& corners) {
     for (Index e = 0; e < deck_.mesh.element_count(); ++e) {
       const auto list = deck_.mesh.element(e);
@@ -219,7 +220,7 @@ class Pieces {
       }
     }
   }
-  /// Of a node with another piece, at the node's place.
+  /// Couples the motion of a node with another piece, at the node's place.
   void same_motion(Index node, int other, const Point& along) {
     const int own = piece(node);
     Row row(6 * at(count_), 0);

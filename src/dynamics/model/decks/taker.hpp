@@ -78,12 +78,12 @@ class Taker {
   void add_support(const std::array<double, 4>& quaternion, const std::vector<Index>& nodes, const Held& held);
   /// As an expression of time.
   std::string motion_of(const DeckHold& h);
-  /// Of a curve, when the step ends.
+  /// The value of a curve, when the step ends.
   [[nodiscard]] double at_end(int curve) const;
   std::string spline(int curve);
   /// What a coupling joins, by a joint to the ground.
   void hold_reference(Index node, const Held& held, const DeckPlace& place);
-  /// Of the node, or of the mean that it stands for.
+  /// The place of the node, or of the mean that it stands for.
   [[nodiscard]] Point place_of(Index node) const;
   void add_prescribed(Index node, const DeckHold& h, std::size_t d);
   void masses();
@@ -102,7 +102,7 @@ class Taker {
   void line_loads();
   /// Whether a load on volumes is taken, and acts in the step.
   [[nodiscard]] bool acts(const DeckBodyLoad& load) const;
-  /// Of its curve, where the step ends; 1 in motions.
+  /// The factor of its curve, where the step ends; 1 in motions.
   [[nodiscard]] double factor_of(const DeckBodyLoad& load) const;
   void body_loads();
   void body_loads_of(const DeckBody& body);
@@ -111,7 +111,7 @@ class Taker {
   void load_mass(const DeckMass& mass, const std::string& entry, const Point& place, Value& body);
   void springs(const std::vector<DeckSpring>& list, const char* what);
   [[nodiscard]] bool is_ground(Index node) const { return role(node) == NodeRole::alone && grounded_.contains(node); }
-  /// Of the coupling's nodes, carried to a point.
+  /// The frame of the coupling's nodes, carried to a point.
   Value coupling_frame(const ValueMaker& m, const DeckCoupling& c, const Point& point);
   void spring_between(const DeckSpring& s, const std::string& entry);
   Value terms(const ValueMaker& m, const std::vector<DeckEquation::Term>& list);

@@ -23,7 +23,7 @@ void Taker::forces() {
     else
       sum[d] += value;
   }
-  // Of nodes of elements: by force, curve, body.
+  // The loads of nodes of elements: by force, curve, body.
   std::map<std::tuple<Point, int, std::string>, std::pair<std::vector<Index>, DeckPlace>> groups;
   for (const auto& [key, load] : loads) {
     const auto& [node, curve] = key;

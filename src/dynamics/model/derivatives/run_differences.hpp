@@ -20,7 +20,7 @@ struct DerivativesToCheck {
   std::vector<std::string> numbers, parameters;  ///< names
   std::vector<double> values;                    ///< of the parameters
   std::vector<double> ways;                      ///< by which they are moved, > 0
-  /// Of a number: by how much two runs may differ that should be alike.
+  /// The noise of a number: by how much two runs may differ that should be alike.
   std::function<double(double number)> noise;
   bool replace = true;  ///< derivatives that are wrong, by those of differences
 };

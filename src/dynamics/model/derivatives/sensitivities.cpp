@@ -521,7 +521,7 @@ class SensitivityRun {
     return slopes;
   }
 
-  /// Of an equilibrium: the objective instead of the quantities.
+  /// The derivatives of an equilibrium: the objective instead of the quantities.
   void take_objective() {
     if (!objective_) return;
     const std::vector<double> of_quantities = std::move(result_.derivatives);

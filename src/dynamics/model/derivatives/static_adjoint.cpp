@@ -8,7 +8,8 @@ namespace espalier::dynamics::model {
 
 namespace {
 
-// Of the extent of the model, of the largest multiplier: bent bodies resist their stretching with much of its square.
+// A share of the extent of the model, of the largest multiplier: bent bodies resist their stretching with much of its
+// square.
 constexpr double kDefectStep = 3e-4;
 
 }  // namespace

@@ -24,7 +24,7 @@ class FieldQuantity {
   // Small harmonic motions: the numbers at the sites are linear in them.
   /// Whether the quantity is, too.
   [[nodiscard]] bool is_linear() const;
-  /// Those of all sites, one after the other.
+  /// The numbers of all sites, one after the other.
   [[nodiscard]] std::vector<double> numbers(const Sample& s) const;
   /// From the complex amplitudes of numbers(): that of the quantity where it is linear; else its largest value over a
   /// period of the part that swings, as a real number (`min`: the least).

@@ -25,12 +25,12 @@ struct Measure {
   bool quadratic = false;  ///< its square is a quadratic form
 };
 
-/// Those of a tensor: xx ... xz, principal_1 (largest) to principal_3; of stress also von_mises, tresca, pressure.
-/// Directions of principal values: direction_1.x to direction_3.z.
+/// The measures of a tensor: xx ... xz, principal_1 (largest) to principal_3; of stress also von_mises, tresca,
+/// pressure. Directions of principal values: direction_1.x to direction_3.z.
 [[nodiscard]] std::vector<Measure> tensor_measures(bool stress);
-/// Those of sections.
+/// The measures of sections.
 [[nodiscard]] std::vector<Measure> section_measures(FieldBody kind);
-/// Those of stresses in beams and cables. @param statistic  without a fibre, of the outline of the section: its
+/// The measures of stresses in beams and cables. @param statistic  without a fibre, of the outline of the section: its
 /// largest, least or largest absolute value @throws std::invalid_argument where the model does not say what the section
 /// is
 [[nodiscard]] std::vector<Measure> fibre_measures(const SampledBody& body, Statistic statistic);

@@ -9,7 +9,7 @@
 
 namespace espalier::dynamics::model {
 
-/// Of those of some quantities that have a value in a shape.
+/// The values of those of some quantities that have a value in a shape.
 class ModeValues {
  public:
   /// @param load  load factor of a statics run

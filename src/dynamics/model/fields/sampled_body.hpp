@@ -15,11 +15,11 @@ namespace espalier::dynamics::model {
 
 enum class FieldBody { solid, shell, beam, cable };
 
-/// Of all elements of a body at one state.
+/// The samples of all elements of a body at one state.
 struct FieldTable {
   std::vector<ElementSamples> strain;  ///< of lines: forces in sections
-  /// Of solids and shells: Cauchy stress in the axes of the mesh, which turn with the material (the rotation of the
-  /// polar decomposition), R^T sigma R = U S U / det U; 11 22 33 12 23 13. NaN in elements that are inside out.
+  /// The stress of solids and shells: Cauchy stress in the axes of the mesh, which turn with the material (the rotation
+  /// of the polar decomposition), R^T sigma R = U S U / det U; 11 22 33 12 23 13. NaN in elements that are inside out.
   std::vector<ElementSamples> stress;
   std::vector<double> energy;  ///< of strain, where it was asked for
 };
@@ -36,7 +36,7 @@ class SampledBody {
   [[nodiscard]] Index elements() const { return static_cast<Index>(elements_.size()); }
   [[nodiscard]] Index nodes() const { return body_.flexible->nodes(); }
   [[nodiscard]] SamplePoints points(Index e) const { return element(e).group->sample_points(); }
-  /// Of the solid that it is: hex8 for a shell, line2 for a line.
+  /// The shape of the solid that it is: hex8 for a shell, line2 for a line.
   [[nodiscard]] ElementType shape(Index e) const { return element(e).shape; }
   /// Nodes of the body, four of a shell.
   [[nodiscard]] std::vector<Index> element_nodes(Index e) const;
@@ -53,7 +53,7 @@ class SampledBody {
   /// Strains (of lines: forces in sections) and energies alone.
   [[nodiscard]] FieldTable strains(const State& s, std::span<const Index> which, base::ThreadPool* pool,
                                    bool with_energy = false) const;
-  /// Of a table of these elements: what has failed by now has no strain, stress or energy any more.
+  /// Clears the rows of a table of these elements: what has failed by now has no strain, stress or energy any more.
   void clear_failed(std::span<const Index> which, FieldTable& table) const;
 
  private:

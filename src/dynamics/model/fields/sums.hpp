@@ -7,8 +7,8 @@
 
 namespace espalier::dynamics::model {
 
-/// Of what constraints (joints, supports) exert on the nodes of a place: - Phi_q^T lambda there. @param moment  about
-/// the global origin, with the couples that act on gradients of nodes
+/// The sum of what constraints (joints, supports) exert on the nodes of a place: - Phi_q^T lambda there. @param moment
+/// about the global origin, with the couples that act on gradients of nodes
 /// @throws std::invalid_argument for reduced bodies, which have no nodes, and for places that are none
 [[nodiscard]] std::function<Vec3(const Sample&)> reaction_on(Mechanism& mechanism, const BuiltBody& body,
                                                              const Where& where, bool moment);
@@ -16,7 +16,7 @@ namespace espalier::dynamics::model {
 /// moment  about the global origin @throws std::invalid_argument where there is none
 [[nodiscard]] std::function<Vec3(const Sample&)> sum_of_joints(const Mechanism& mechanism, const std::string& pattern,
                                                                bool moment);
-/// Of a body, an element or a set of elements. @throws std::invalid_argument for other places
+/// The energy of a body, an element or a set of elements. @throws std::invalid_argument for other places
 [[nodiscard]] std::function<double(const Sample&)> strain_energy_of(Mechanism& mechanism, const BuiltBody& body,
                                                                     const Where& where);
 

@@ -27,7 +27,7 @@ struct Separation {
 /// Along which the pitch circles of a gear pair, or pinion and rack, run: its rate is the speed at the pitch point.
 [[nodiscard]] PairCoordinate pitch_line(const JointSpec& j, const JointStart& start);
 
-/// Of a worm whose frames stand so. @throws std::invalid_argument where the wheel reaches to the worm's axis
+/// The shape of a worm whose frames stand so. @throws std::invalid_argument where the wheel reaches to the worm's axis
 [[nodiscard]] WormShape worm_shape(const JointSpec& j, const JointStart& start);
 
 }  // namespace espalier::dynamics::model

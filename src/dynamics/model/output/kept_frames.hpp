@@ -20,7 +20,7 @@ class KeptFrames {
   /// The run goes on from another state: what was kept of later ones goes.
   void restore(const State& s);
   [[nodiscard]] const std::vector<SimulationFrame>& frames() const { return frames_; }
-  /// Of any state.
+  /// The frame of any state.
   [[nodiscard]] SimulationFrame frame(const State& s);
   [[nodiscard]] SimulationMesh mesh() const;
 

@@ -23,7 +23,7 @@ void remove_others(const std::string& folder, const std::string& name, PictureFo
   if (format == PictureFormat::vtu && hdf5::is_own(file)) std::filesystem::remove(file, ignored);
 }
 
-/// Of the model that was built, or empty.
+/// The units of the model that was built, or empty.
 std::string units_of(const Mechanism& mechanism) {
   for (const auto& [key, text] : mechanism.keys)
     if (key == "units" && text.size() > 2) return text.substr(1, text.size() - 2);  // between quotes

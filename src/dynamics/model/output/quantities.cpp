@@ -159,7 +159,7 @@ Columns find_columns(Mechanism& mechanism, const std::string& object, const std:
   return columns;
 }
 
-/// Of inputs, sensors, and what depends on the kind of a joint or spring: nothing.
+/// The dimension of inputs, sensors, and what depends on the kind of a joint or spring: nothing.
 std::string dimension_of(const std::string& object, const std::string& what) {
   static const std::map<std::string, std::string> kDimensions = {{"position", "length"},
                                                                  {"velocity", "length/time"},

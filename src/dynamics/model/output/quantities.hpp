@@ -22,11 +22,11 @@ struct FieldTable;
 struct Sample {
   const State* state = nullptr;
   StepReport report;  ///< of the step that ended there; levels are always filled in
-  /// Of the state, once a quantity has asked for it: one evaluation serves all columns of a row.
+  /// The energy of the state, once a quantity has asked for it: one evaluation serves all columns of a row.
   mutable std::optional<Energy> energy = std::nullopt;
-  /// Likewise of contacts.
+  /// The reports of contacts, kept in the same way.
   mutable std::vector<std::pair<const BuiltContact*, contact::ContactReport>> contacts = {};
-  /// Likewise of all elements of a body.
+  /// The samples of all elements of a body.
   mutable std::vector<std::pair<const BuiltBody*, std::shared_ptr<const FieldTable>>> fields = {};
   /// In a statics run: the load factor, which then stands for the time.
   std::optional<double> load = std::nullopt;

@@ -21,12 +21,14 @@ class Scene {
   void place(const State& s);
   [[nodiscard]] const std::vector<double>& points() const { return points_; }  ///< 3 per point; so are velocities
   [[nodiscard]] const std::vector<double>& velocity() const { return velocity_; }
-  /// Of each cell: Cauchy stress in the middle of solids of elements, 0 elsewhere; in linear statics to first order, at
-  /// the part of the loads that is the time of the state.
+  /// The stress of each cell: Cauchy stress in the middle of solids of elements, 0 elsewhere; in linear statics to
+  /// first order, at the part of the loads that is the time of the state.
   const std::vector<double>& von_mises(const State& s);
-  /// Of each cell: 1 where its element had failed at the time of the state, else 0. Empty where no element can.
+  /// The mark of each cell: 1 where its element had failed at the time of the state, else 0. Empty where no element
+  /// can.
   const std::vector<double>& failed(const State& s);
-  /// Of each point: pressure of contact at nodes of solids, 0 elsewhere. Empty where no solid has contacts.
+  /// The pressure of each point: pressure of contact at nodes of solids, 0 elsewhere. Empty where no solid has
+  /// contacts.
   const std::vector<double>& contact_pressure(const State& s);
   /// The largest extent of the bodies over the largest speed of their points; 0 where nothing moves.
   [[nodiscard]] double extent_over_speed(const State& s);

@@ -32,7 +32,7 @@ class ExpressionParser {
 
   [[noreturn]] void stop(const std::string& what) const { throw Error(StatusCode::invalid_input, here() + what); }
   [[nodiscard]] std::string here() const {
-    // Of a text that fills pages, what stands around the place is enough.
+    // Shown of a text that fills pages, what stands around the place is enough.
     constexpr std::size_t kBefore = 40, kShown = 120;
     const std::size_t first = text_.size() > kShown && at_ > kBefore ? at_ - kBefore : 0;
     const std::size_t last = std::min(text_.size(), first + kShown);

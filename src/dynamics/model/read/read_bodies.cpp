@@ -274,7 +274,7 @@ class BodyReader {
     return solid;
   }
 
-  /// Of element sets.
+  /// The materials of element sets.
   void read_set_materials(Section& s, SolidSpec& solid) const {
     const Value* table = s.value("materials");
     if (table == nullptr) return;
@@ -470,7 +470,7 @@ class BodyReader {
     return g;
   }
 
-  /// Of one body. More have unknowns that no machine holds, and 32-bit numbers do not reach.
+  /// The most elements of one body. More have unknowns that no machine holds, and 32-bit numbers do not reach.
   static constexpr double kMostElements = 1e8;
   static constexpr int kMostTeeth = 100000;
 

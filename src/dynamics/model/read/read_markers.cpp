@@ -30,7 +30,7 @@ void read_nodes(Section& s, MarkerSpec& m) {
   }
 }
 
-/// Of each label in the mean.
+/// The weight of each label in the mean.
 void read_weights(Section& s, MarkerSpec& m) {
   if (!s.has("weights")) return;
   m.weights = s.numbers("weights");

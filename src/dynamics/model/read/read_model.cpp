@@ -281,7 +281,7 @@ void set_rotation(Description& model) {
 
 namespace {
 
-/// Of a text in which nothing is taken from decks any more.
+/// The description of a text in which nothing is taken from decks any more.
 Description read_whole(const Value& root_value, const std::string& file) try {
   Description model;
   model.file = file;

@@ -52,7 +52,7 @@ class MjcfText {
   explicit MjcfText(const XmlFile& file);
 
   [[nodiscard]] const MjcfCompiler& compiler() const { return compiler_; }
-  /// Those of an element, and in the place of each <include> those of its file.
+  /// The children of an element, and in the place of each <include> those of its file.
   [[nodiscard]] std::vector<Element> children(const Element& parent) const;
   [[nodiscard]] Element root() const { return {file_.root(), &file_}; }
   /// The sections of that name.
@@ -65,7 +65,7 @@ class MjcfText {
   /// quat, axisangle, euler, xyaxes or zaxis; none: no turn.
   [[nodiscard]] Mat3 rotation(const Attributes& a) const;
   [[nodiscard]] Pose pose(const Attributes& a) const;
-  /// Of three angles in the compiler's unit, about the axes of `eulerseq`.
+  /// The rotation of three angles in the compiler's unit, about the axes of `eulerseq`.
   [[nodiscard]] Mat3 of_euler(const Vec3& angles) const;
   /// A range that limits: `limited` says so, or it is left to `autolimits` and the range rises.
   [[nodiscard]] std::optional<std::array<double, 2>> limits(const Attributes& a, const char* limited,

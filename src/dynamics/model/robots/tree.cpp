@@ -80,7 +80,7 @@ class TreeMaker {
     add_places(link, here.body, here.pose);
   }
 
-  /// Of a free body: a ball at its origin that nothing pulls down, whose mass and moment of inertia it is.
+  /// The armature of a free body: a ball at its origin that nothing pulls down, whose mass and moment of inertia it is.
   static void add_armature(Moving& m) {
     const double a = m.joint.armature;
     if (!(a > 0)) return;

@@ -189,7 +189,7 @@ class Group {
       if (const auto own = rows.find(body); own != rows.end())
         all.insert(all.end(), own->second.begin(), own->second.end());
     }
-    // Of a task: some milliseconds, and far more than it condenses them to.
+    // The rows of a task: some milliseconds, and far more than it condenses them to.
     const std::size_t rows_of_task = std::max<std::size_t>(4096, 512 * static_cast<std::size_t>(columns_));
     std::vector<Condensed> parts((all.size() + rows_of_task - 1) / rows_of_task, Condensed(columns_));
     pool.for_each(static_cast<std::int64_t>(parts.size()), [&](std::int64_t k) {
@@ -273,7 +273,7 @@ double length_of(Mechanism& mechanism, const State& s) {
   return std::max(max_norm(size), 1e-300);
 }
 
-/// Of the quadrilaterals of a shell.
+/// The mean area of the quadrilaterals of a shell.
 double mean_area(const Mesh& mesh) {
   double sum = 0;
   for (Index e = 0; e < mesh.element_count(); ++e) {

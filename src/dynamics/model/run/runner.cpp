@@ -30,7 +30,7 @@ double speed_that_counts(const IntegratorSpec& integrator) {
   return integrator.bdf.absolute_velocity > 0 ? integrator.bdf.absolute_velocity : integrator.bdf.absolute;
 }
 
-/// Of friction in joints and on guides, as a speed of a coordinate; infinite without any.
+/// The least slip speed of friction in joints and on guides, as a speed of a coordinate; infinite without any.
 double least_slip_speed(const Description& model) {
   double least = std::numeric_limits<double>::infinity();
   for (const JointSpec& j : model.joints)

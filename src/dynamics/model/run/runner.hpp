@@ -43,7 +43,7 @@ class Runner {
   void restore(std::string_view state);
   /// With their units, where the model states its own.
   [[nodiscard]] std::vector<SimulationQuantity> all_quantities() const;
-  /// Of the chosen quantities, or of a usual set where none was chosen and a page is kept.
+  /// The series of the chosen quantities, or of a usual set where none was chosen and a page is kept.
   [[nodiscard]] const SimulationSeries& series();
   /// Pictures in memory: of the run, of the present state; made at the first call.
   [[nodiscard]] KeptFrames& kept_frames();
@@ -138,7 +138,7 @@ class Runner {
   void note_erosion();   ///< runner_impacts.cpp
   void note_elements();  ///< what is known of their weaknesses, once for each body
   void note_steps();     ///< divided ones, those at rounding, unsymmetric matrices, as notices of the summary
-  /// Of the present state; reactions that redundant constraints leave open are shared out.
+  /// The sample of the present state; reactions that redundant constraints leave open are shared out.
   [[nodiscard]] Sample sample(const StepReport& report);
   [[nodiscard]] const State& current() const { return integrator_ ? integrator_->state() : state_; }
   /// Which joints cannot be closed, or motions not be followed, where that is what went wrong.

@@ -9,7 +9,7 @@
 
 namespace espalier::dynamics::model {
 
-/// Of a structure that can move.
+/// Ends the run of a structure that can move.
 void Runner::end_with_modes(const std::string& why) {
   summary_.notices.push_back(
       fmt::format("the modes are those of a structure that is free; loads have no answer: {}", why));

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kRoundOff = 1e-9;
 
-/// Of the largest coordinate.
+/// The size of the largest coordinate.
 double extent(const State& s) { return std::max(max_norm(s.q), 1e-300); }
 
 /// Strain energy alone: the load factor takes the weight out of the potential energy.
@@ -23,7 +23,7 @@ double strain_energy(FlexibleBody& body, const State& s) {
   return energy;
 }
 
-/// Of two attitudes: their chord is 2 sin(angle / 4).
+/// The angle of two attitudes: their chord is 2 sin(angle / 4).
 double angle_between(const Quat& a, const Quat& b) {
   return 4 * std::asin(0.5 * std::min((a - b).norm(), (a + b).norm()));
 }
