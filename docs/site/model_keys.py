@@ -24,7 +24,7 @@ SECTIONS = (
     ("[bodies], [joints], [forces], [materials]", "read_bodies.cpp", "read_bodies", (), (("The text", "at the top"),)),
     ("", "read_joints.cpp", "read_joints", (), (("The text", "at the top"),)),
     ("", "read_joints.cpp", "read_forces", (), (("The text", "at the top"),)),
-    ("", "read_bodies.cpp", "BodyReader", (), (("The text", "at the top"),)),
+    ("", "read_materials.cpp", "BodyMaterials", (), (("The text", "at the top"),)),
     ("[surfaces], [contacts]", "read_surfaces.cpp", "read_surfaces", (), (("The text", "at the top"),)),
     ("[surfaces.NAME]", "read_surfaces.cpp", "read_surface", ("SprocketShape",), (("Surfaces", "key"),)),
     ("Axes of a surface", "read_surfaces.cpp", "read_surface_axes", (), (("Surfaces", "key"),)),
@@ -32,46 +32,47 @@ SECTIONS = (
     ("Law of a contact", "read_surfaces.cpp", "read_contact_law", (), (("Contacts", "key"),)),
     ("[inputs], [sensors], [events]", "read_events.cpp", "read_events", (), (("The text", "at the top"),)),
     ("[splines]", "read_splines.cpp", "read_splines", (), (("The text", "at the top"),)),
-    ("[materials.NAME]", "read_bodies.cpp", "read_material", (), (("", "material"),)),
-    ("", "read_bodies.cpp", "check_material", (), ()),
-    ("[bodies.NAME]", "read_bodies.cpp", "read", (), (("Bodies", ""),)),
-    ("Rigid bodies", "read_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies of a closed surface", "read_bodies.cpp", "read_rigid_of_surface", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies of a closed surface: mesh", "read_bodies.cpp", "read_closed_surface", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies: motion", "read_bodies.cpp", "read_rigid_motion", (), (("Bodies", "rigid"),)),
-    ("Points", "read_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
-    ("Flexible bodies: motion and damping", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
-    ("`damping` of a flexible body", "read_bodies.cpp", "read_damping", (), (("Bodies", "damping"),)),
-    ("`damping` by ratios at two frequencies", "read_bodies.cpp", "rayleigh_of_ratios", (), (("Bodies", "damping"),)),
-    ("`reduce` of a flexible body", "read_bodies.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
-    ("Solids", "read_bodies.cpp", "read_solid", (), (("Bodies", "solid"),)),
+    ("[materials.NAME]", "read_materials.cpp", "read_material", (), (("", "material"),)),
+    ("", "read_materials.cpp", "check_material", (), ()),
+    ("[bodies.NAME]", "read_bodies.cpp", "read_body", (), (("Bodies", ""),)),
+    ("Rigid bodies", "read_rigid_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
+    ("Rigid bodies of a closed surface", "read_rigid_bodies.cpp", "read_rigid_of_surface", (), (("Bodies", "rigid"),)),
+    ("Rigid bodies of a closed surface: mesh", "read_rigid_bodies.cpp", "read_closed_surface", (), (("Bodies", "rigid"),)),
+    ("Rigid bodies: motion", "read_rigid_bodies.cpp", "read_rigid_motion", (), (("Bodies", "rigid"),)),
+    ("Points", "read_rigid_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
+    ("Flexible bodies: motion", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
+    ("Flexible bodies: damping", "read_body_damping.cpp", "read_body_damping", (), (("Bodies", "solid"),)),
+    ("`damping` of a flexible body", "read_body_damping.cpp", "read_damping", (), (("Bodies", "damping"),)),
+    ("`damping` by ratios at two frequencies", "read_body_damping.cpp", "rayleigh_of_ratios", (), (("Bodies", "damping"),)),
+    ("`reduce` of a flexible body", "read_body_damping.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
+    ("Solids", "read_solids.cpp", "read_solid", (), (("Bodies", "solid"),)),
     ("`erosion` of a solid", "read_erosion.cpp", "read_erosion", (), (("Bodies", "erosion"),)),
     ("", "read_erosion.cpp", "check_erosion", (), ()),
-    ("Solids: mesh", "read_bodies.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
-    ("Part block", "read_bodies.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
-    ("Part connecting-rod", "read_bodies.cpp", "read_rod", ("RodShape",), (("Bodies", "part"),)),
-    ("Part chain-link", "read_bodies.cpp", "read_link", ("LinkShape",), (("Bodies", "part"),)),
-    ("Part crank", "read_bodies.cpp", "read_crank", ("CrankShape",), (("Bodies", "part"),)),
-    ("Part guide", "read_bodies.cpp", "read_guide", ("GuideShape",), (("Bodies", "part"),)),
-    ("Part bladed-rotor", "read_bodies.cpp", "read_rotor", ("RotorShape",), (("Bodies", "part"),)),
-    ("Part tyre", "read_bodies.cpp", "read_tyre", ("TyreShape",), (("Bodies", "part"),)),
-    ("Part spur-gear", "read_bodies.cpp", "read_gear", ("GearShape",), (("Bodies", "part"),)),
-    ("Divisions of a part", "read_bodies.cpp", "read_divisions", (), (("Bodies", "part"),)),
-    ("Cables", "read_bodies.cpp", "read_cable", (), (("Bodies", "type"),)),
-    ("Beams: axis", "read_bodies.cpp", "read_axis", (), (("Beams", "keys"),)),
-    ("Beams: section", "read_bodies.cpp", "read_beam", (), (("Beams", "key$"),)),
-    ("Shells", "read_bodies.cpp", "read_shell", (), (("Bodies", "type"),)),
-    ("Shells: thickness", "read_bodies.cpp", "read_thickness", (), (("Bodies", "type"),)),
-    ("", "read_bodies.cpp", "read_take", (), (("Bodies", "solid"),)),
-    ("Shells and beams of a mesh file: mesh", "read_bodies.cpp", "read_mesh_file", (), (("Bodies", "solid"),)),
-    ("Beams and cables of a mesh file", "read_bodies.cpp", "read_lines_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
-    ("Shells of a mesh file", "read_bodies.cpp", "read_shell_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
-    ("Substructures", "read_bodies.cpp", "read_substructure", (), (("Bodies", "substructure"),)),
-    ("Substructures: a matrix", "read_bodies.cpp", "read_matrix", (), (("Bodies", "substructure"),)),
-    ("Substructures: a node", "read_bodies.cpp", "read_node", (), (("Bodies", "substructure"),)),
-    ("Substructures: lines", "read_bodies.cpp", "read_lines", (), (("Bodies", "substructure"),)),
-    ("Material of a body", "read_bodies.cpp", "plain_material", (), (("Bodies", "solid"),)),
-    ("", "read_bodies.cpp", "read_set_materials", (), (("Bodies", "solid"),)),
+    ("Solids: mesh", "read_meshers.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
+    ("Part block", "read_meshers.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
+    ("Part connecting-rod", "read_meshers.cpp", "read_rod", ("RodShape",), (("Bodies", "part"),)),
+    ("Part chain-link", "read_meshers.cpp", "read_link", ("LinkShape",), (("Bodies", "part"),)),
+    ("Part crank", "read_meshers.cpp", "read_crank", ("CrankShape",), (("Bodies", "part"),)),
+    ("Part guide", "read_meshers.cpp", "read_guide", ("GuideShape",), (("Bodies", "part"),)),
+    ("Part bladed-rotor", "read_meshers.cpp", "read_rotor", ("RotorShape",), (("Bodies", "part"),)),
+    ("Part tyre", "read_meshers.cpp", "read_tyre", ("TyreShape",), (("Bodies", "part"),)),
+    ("Part spur-gear", "read_meshers.cpp", "read_gear", ("GearShape",), (("Bodies", "part"),)),
+    ("Divisions of a part", "read_meshers.cpp", "read_divisions", (), (("Bodies", "part"),)),
+    ("Cables", "read_thin_bodies.cpp", "read_cable", (), (("Bodies", "type"),)),
+    ("Beams: axis", "read_thin_bodies.cpp", "read_axis", (), (("Beams", "keys"),)),
+    ("Beams: section", "read_thin_bodies.cpp", "read_beam", (), (("Beams", "key$"),)),
+    ("Shells", "read_thin_bodies.cpp", "read_shell", (), (("Bodies", "type"),)),
+    ("Shells: thickness", "read_thin_bodies.cpp", "read_thickness", (), (("Bodies", "type"),)),
+    ("", "read_meshers.cpp", "read_take", (), (("Bodies", "solid"),)),
+    ("Shells and beams of a mesh file: mesh", "read_meshers.cpp", "read_mesh_file", (), (("Bodies", "solid"),)),
+    ("Beams and cables of a mesh file", "read_thin_bodies.cpp", "read_lines_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
+    ("Shells of a mesh file", "read_thin_bodies.cpp", "read_shell_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
+    ("Substructures", "read_solids.cpp", "read_substructure", (), (("Bodies", "substructure"),)),
+    ("Substructures: a matrix", "read_solids.cpp", "read_matrix", (), (("Bodies", "substructure"),)),
+    ("Substructures: a node", "read_solids.cpp", "read_node", (), (("Bodies", "substructure"),)),
+    ("Substructures: lines", "read_solids.cpp", "read_lines", (), (("Bodies", "substructure"),)),
+    ("Material of a body", "read_materials.cpp", "material", (), (("Bodies", "solid"),)),
+    ("", "read_materials.cpp", "read_sets", (), (("Bodies", "solid"),)),
     ("[markers.NAME] and frames", "read_markers.cpp", "read_marker", (), (("Markers", "key"),)),
     ("How a face is held", "read_markers.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
     ("Where a marker is", "read_markers.cpp", "read_where", (), (("Markers", "key"),)),
@@ -132,13 +133,13 @@ SECTIONS = (
 )
 
 TYPES = {"number": "number", "positive": "number > 0", "integer": "whole number", "flag": "true or false", "text": "text",
-         "choice": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
+         "choice": "one of", "row": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
          "vectors": "list of points", "matrix": "three numbers, or a 3 x 3 matrix", "rotation": "rotation",
          "function": "function of time", "state_function": "expression", "value": "", "table": "table",
          "named": "tables by name", "not_negative": "number >= 0", "number_from_zero": "number >= 0", "lever": "number > 0", "inertia": "number > 0", "read_measure": 'number, or "initial"',
-         "read_interval": "time, 0 or false", "read_surface_axes": "list of three numbers", "elements": "whole number", "read_components": "three numbers or expressions",
+         "read_interval": "time, 0 or false", "read_surface_axes": "list of three numbers", "read_elements": "whole number", "read_components": "three numbers or expressions",
          "plain_values": "names and values", "read_frame": "a marker's name or a table"}
-METHODS = [t for t in TYPES if not t.startswith(("not_", "number_", "lever", "inertia", "read_", "elements", "plain_"))]
+METHODS = [t for t in TYPES if not t.startswith(("not_", "number_", "lever", "inertia", "read_", "plain_"))]
 HELPERS = [t for t in TYPES if t not in METHODS]
 NO_DEFAULT = {"value", "table", "named", "plain_values", "texts", "read_components", "lever", "rotation", "read_measure", "read_surface_axes"}
 
@@ -216,6 +217,8 @@ WORDS = {"std::numeric_limits<double>::infinity()": "any", "Vec3::Zero()": "[0, 
 
 def default_of(kind, args, structs, fields):
     """The default as it is written in a text of a model."""
+    if kind == "row":
+        return name_lists()[args[1]][0] if args[2:] == ["true"] else "needed"
     if kind == "choice":
         names = re.findall(r'"([\w-]+)"', args[1])
         if len(args) < 3:
@@ -244,7 +247,7 @@ NAMES = {}
 
 
 def name_lists():
-    """Functions that return lists of names, for choice()."""
+    """Functions that return lists of names, for choice(), and tables of rows, for row()."""
     if not NAMES:
         for file in sorted(MODEL.rglob("read_*.cpp")):
             text = file.read_text()
@@ -252,6 +255,8 @@ def name_lists():
                 NAMES[m[1] + "()"] = re.findall(r'"([\w-]+)"', m[2])
             for m in re.finditer(r"const std::vector<std::string> (\w+) = \{([^}]*)\}", text):
                 NAMES.setdefault(m[1], re.findall(r'"([\w-]+)"', m[2]))
+            for m in re.finditer(r"constexpr \w+Row (\w+)\[\] = \{(.*?)\};", text, re.S):  # a row a kind, its name first
+                NAMES[m[1]] = re.findall(r'\{"([\w-]+)"', m[2])
     return NAMES
 
 
@@ -277,7 +282,7 @@ def keys_of(text, function, structs, fields, seen):
         if not written or not re.fullmatch(r'(?:\w+ \? )?"\w+"(?: : "\w+")?', args[0]):
             continue
         word = TYPES[kind]
-        if kind == "choice":
+        if kind in ("choice", "row"):
             names = name_lists().get(args[1]) or re.findall(r'"([\w-]+)"', args[1])
             word = "one of " + ", ".join(f"`{n}`" for n in names)
             for n in re.finditer(r'"([\w-]+)"', args[1]):
@@ -307,7 +312,7 @@ def keys_of(text, function, structs, fields, seen):
 
 def unknown_literals(text, seen):
     """Literals that look like keys and were not understood."""
-    lists = [m.span() for m in re.finditer(r"std::vector<std::string>>? \w+ = \{[^}]*\}", text)]
+    lists = [m.span() for m in re.finditer(r"std::vector<std::string>>? \w+ = \{[^}]*\}|constexpr \w+Row \w+\[\] = \{.*?\};", text, re.S)]
     for m in re.finditer(r'"([a-z_][a-z0-9_]*)"', text):
         line_start = text.rfind("\n", 0, m.start()) + 1
         line = text[line_start:text.find("\n", m.start())]
@@ -367,7 +372,8 @@ def mentioned(key, text):
 
 
 # Sections of a model that the functions of a source read, for the rows of units/key_dimensions.cpp; "": the top.
-READS = {"read_bodies.cpp": "bodies materials", "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
+READS = {**{f"read_{f}.cpp": "bodies materials" for f in ("bodies", "materials", "rigid_bodies", "body_damping", "solids", "meshers", "thin_bodies")},
+         "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
          "read_equations.cpp": "equations ties", "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
          "read_splines.cpp": "splines", **{f"joint_kinds/{f.name}": "joints" for f in sorted(MODEL.glob("joint_kinds/*.cpp"))}, "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
 NUMBERS = ("number", "list of numbers", "list of three", "list of points", "three numbers", "rotation", "function", "expression", "time")

@@ -16,7 +16,7 @@ from model_parts_text import METHODS, PATHS, TABLES
 
 ROOT = model_keys.ROOT
 MADE = "Made by docs/site/model_parts.py --write from the calls in the read_*.cpp below src/dynamics/model; do not edit."
-_FLEXIBLE = "read read_motion "
+_FLEXIBLE = "read_body read_motion read_body_damping "
 _FRAMES = "read_frames read_axes"
 _SPRING = ("read_spring", "")
 _JOINT = "type a b bodies at rotation axis x_axis pull attach active "
@@ -26,12 +26,12 @@ _SURFACE = "body shape "
 # Section: {type: (readers, the keys of them that it has, or "" for all, keys that are needed)}. "" is the only type.
 PARTS = {
     "bodies": {
-        "rigid": ("read read_rigid read_rigid_of_surface read_rigid_motion",
-                  "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read read_point", "", "mass"),
-        "solid": (_FLEXIBLE + "read_solid plain_material read_set_materials", "", "mesh"),
-        "cable": (_FLEXIBLE + "read_cable read_lines_of_file plain_material", "", ""),
-        "beam": (_FLEXIBLE + "read_axis read_beam read_lines_of_file plain_material", "", ""),
-        "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file plain_material", "", ""),
+        "rigid": ("read_body read_rigid read_rigid_of_surface read_rigid_motion",
+                  "type mass inertia box mesh density position rotation velocity angular_velocity gravity", ""), "point": ("read_body read_point", "", "mass"),
+        "solid": (_FLEXIBLE + "read_solid material read_sets", "", "mesh"),
+        "cable": (_FLEXIBLE + "read_cable read_lines_of_file material", "", ""),
+        "beam": (_FLEXIBLE + "read_axis read_beam read_lines_of_file material", "", ""),
+        "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file material", "", ""),
         "substructure": (_FLEXIBLE + "read_substructure read_lines", "gravity type position rotation velocity angular_velocity damping"
                          " reduce stiffness mass nodes lines", "stiffness mass nodes")},
     "joints": {t: (f"read_joint {_FRAMES} read_attach read_rolling read_joint_contacts", _JOINT + more, needed) for t, more, needed in (
@@ -83,7 +83,7 @@ PARTS = {
     "paths": {"": ("read_path", "", "")},
 }
 SECTIONS = {  # of the top, without names
-    "": "read_whole read_bodies read_joints read_forces BodyReader read_surfaces read_events read_controllers read_splines read_supports read_equations",
+    "": "read_whole read_bodies read_joints read_forces BodyMaterials read_surfaces read_events read_controllers read_splines read_supports read_equations",
     "integrator": "read_integrator read_bdf read_alpha", "statics": "read_statics read_statics_options", "initial": "read_initial",
     "harmonic": "read_harmonic read_range read_loads", "output": "read_output"}
 TYPE_KEY = {"bodies": "type", "joints": "type", "forces": "type", "surfaces": "shape"}

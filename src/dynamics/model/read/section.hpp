@@ -39,6 +39,14 @@ class Section {
   [[nodiscard]] std::string text(const std::string& key, const std::string& otherwise);
   /// One of `names`; its position. Without the key: `otherwise`, or an error where that is -1.
   [[nodiscard]] int choice(const std::string& key, const std::vector<std::string>& names, int otherwise = -1);
+  /// The row of a table that the text names; rows have a `name`. Without the key: the first row, if `first`, or an
+  /// error.
+  template <class Row, std::size_t n>
+  [[nodiscard]] const Row& row(const std::string& key, const Row (&rows)[n], bool first = false) {
+    std::vector<std::string> names;
+    for (const Row& r : rows) names.emplace_back(r.name);
+    return rows[choice(key, names, first ? 0 : -1)];
+  }
   [[nodiscard]] std::vector<std::string> texts(const std::string& key);
   [[nodiscard]] std::vector<double> numbers(const std::string& key);
   [[nodiscard]] Vec3 vector(const std::string& key);
