@@ -5,18 +5,9 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <limits>
-#include <optional>
 
 #include "base/stage.hpp"
 #include "base/stopwatch.hpp"
-#include "dynamics/integrators/bdf.hpp"
-#include "dynamics/integrators/generalized_alpha.hpp"
-#include "dynamics/model/assembly/unclosed_joints.hpp"
-#include "dynamics/model/build/default_tolerances.hpp"
-#include "dynamics/model/build/element_notices.hpp"
-#include "dynamics/model/run/restart.hpp"
-#include "dynamics/model/run/start_report.hpp"
 #include "dynamics/model/units/unit_system.hpp"
 #include "solver/options/option_text.hpp"
 
@@ -30,25 +21,12 @@ double speed_that_counts(const IntegratorSpec& integrator) {
   return integrator.bdf.absolute_velocity > 0 ? integrator.bdf.absolute_velocity : integrator.bdf.absolute;
 }
 
-/// The least slip speed of friction in joints and on guides, as a speed of a coordinate; infinite without any.
-double least_slip_speed(const Description& model) {
-  double least = std::numeric_limits<double>::infinity();
-  for (const JointSpec& j : model.joints)
-    if (j.friction && j.friction->curve.static_coefficient > 0)
-      least = std::min(least, j.friction->curve.slip_speed / std::max(1.0, j.friction->radius));
-  for (const ForceSpec& f : model.forces)
-    if (f.friction > 0) least = std::min(least, f.slip_speed);
-  return least;
-}
-
 using base::Stopwatch;
 
 SimulationStep public_step(const StepReport& r) {
   return {r.index,    r.t,    r.h, r.order, r.newton_iterations, r.factorizations, r.error_failures + r.newton_failures,
           r.residual, r.error};
 }
-
-SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
 
 base::Interruption::Clock::duration period_of(double seconds) {
   return std::chrono::duration_cast<base::Interruption::Clock::duration>(std::chrono::duration<double>(seconds));
@@ -163,109 +141,6 @@ void Runner::choose(const std::string& request, const Place& place) {
     const auto same = [&q](const Quantity& known) { return known.name == q.name; };
     if (std::none_of(quantities_.begin(), quantities_.end(), same)) quantities_.push_back(std::move(q));
   }
-}
-
-void Runner::prepare() {
-  state_ = State(mechanism_->system.sizes());
-  state_.t = model_.statics ? model_.statics->time : model_.integrator.start;
-  mechanism_->system.initial(state_.q, state_.v);
-  const State given = state_;
-  guard_ = std::make_unique<RedundancyGuard>(*equations_);
-  if (mechanism_->controls != nullptr) guard_->set_absent(mechanism_->controls->absent_rows(state_.lambda.size()));
-  ConsistencyOptions consistency;
-  consistency.allowed_position = model_.initial.position_tolerance;
-  consistency.kept_velocities = given_velocities(*mechanism_);
-  const bool statics = model_.initial.statics && options_.restart.empty();
-  try {
-    if (statics || model_.statics) {
-      guard_->analyze(state_);  // statics closes the joints itself, while it puts the loads on
-    } else {
-      const ConsistencyResult result = guard_->prepare(state_, consistency);
-      summary_.position_change = result.position_change;
-      summary_.velocity_change = result.velocity_change;
-      if (result.position_change > 0 && options_.restart.empty()) check_overlaps(model_, *mechanism_, state_);
-    }
-  } catch (const Error& error) {
-    state_ = given;  // where the joints could not be closed from
-    throw Error(error.status().code, explain_failure(error), error.status().row);
-  }
-  reference_ = model_.initial.statics ? given : state_;
-  describe_system();
-  if (options_.restart.empty()) {
-    for (const auto& lines : {open_joints(*mechanism_, given), moved_bodies(*mechanism_, given, state_)})
-      summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
-  }
-  if (options_.restart.empty() && !model_.initial.statics && !model_.statics) check_velocities(given, state_);
-  if (statics) find_equilibrium(consistency);
-  begin_controllers();
-  if (!model_.statics) set_modal_damping();
-  if (options_.restart.empty() && !model_.statics) find_modes();
-  if (model_.statics) mechanism_->system.set_load_factor(0);
-  summary_.t_begin = time();
-  summary_.energy_begin = to_public(mechanism_->system.energy(state_.view()));
-}
-
-void Runner::describe_system() {
-  const Sizes sizes = mechanism_->system.sizes();
-  summary_.redundant = guard_->notices();
-  for (const BuiltBody& body : mechanism_->bodies)
-    for (const std::string& notice : body.notices) summary_.notices.push_back(body.spec.name + ": " + notice);
-  summary_.notices.insert(summary_.notices.end(), mechanism_->notices.begin(), mechanism_->notices.end());
-  summary_.bodies = static_cast<Index>(mechanism_->bodies.size());
-  summary_.joints = static_cast<Index>(mechanism_->joints.size());
-  summary_.forces = static_cast<Index>(model_.forces.size());
-  summary_.velocities = sizes.velocity;
-  summary_.constraints = sizes.constraints;
-  summary_.degrees_of_freedom = guard_->degrees_of_freedom();
-}
-
-void Runner::check_velocities(const State& given, const State& consistent) {
-  const double allowed = model_.initial.velocity_tolerance * std::max(max_norm(consistent.v), max_norm(given.v));
-  const std::optional<MovedVelocity> kept = changed_velocity(*mechanism_, given, consistent, allowed, true);
-  if (kept && !model_.initial.project_velocities)
-    fail(kept->body->spec.place,
-         fmt::format(
-             "the initial velocity contradicts the constraints: the velocity of {} is {:g} in the text, {:g} is "
-             "the nearest that all given velocities allow for; correct those of the bodies joined to '{}', or "
-             "set initial.velocities = \"project\" to take the nearest",
-             mechanism_->system.coordinate_name(kept->coordinate), kept->given, kept->found, kept->body->spec.name));
-  const std::vector<std::string> lines = velocity_notices(*mechanism_, given, consistent, allowed);
-  summary_.notices.insert(summary_.notices.end(), lines.begin(), lines.end());
-}
-
-void Runner::start_integrator() {
-  if (model_.integrator.method == Method::bdf) {
-    if (wants_default_tolerances(model_.integrator))
-      set_default_tolerances(model_.integrator, *equations_, *mechanism_, model_, state_, duration_);
-    model_.integrator.bdf.slip_speed = least_slip_speed(model_);
-    integrator_ = std::make_unique<BdfIntegrator>(*equations_, model_.integrator.bdf);
-  } else {
-    AlphaOptions alpha = model_.integrator.alpha;
-    alpha.search = !model_.contacts.empty();
-    integrator_ = std::make_unique<GeneralizedAlpha>(*equations_, alpha);
-  }
-  integrator_->start(state_);
-  equations_->allow_device();
-  if (const std::string& notice = equations_->device_notice(); !notice.empty()) summary_.notices.push_back(notice);
-  events_ = std::make_unique<EventWatch>(model_, *mechanism_);
-  if (!options_.restart.empty()) {
-    for (const std::string& change : read_restart(options_.restart, options_.accept_changes, *mechanism_, *integrator_))
-      summary_.notices.push_back("accepted: " + change);
-    take_up_switches();
-    guard_->check(current());
-    // A run that was killed after its last restart file has nothing to do but to write its results.
-    if (time() > model_.integrator.end)
-      throw Error(StatusCode::invalid_input,
-                  fmt::format("{}: the state is at t = {:g}, the run ends at {:g} already; give a later --until",
-                              options_.restart, time(), model_.integrator.end));
-    if (reached(model_.integrator.end))
-      summary_.notices.push_back(
-          fmt::format("{}: the run is complete, nothing was left to do; a later --until goes on", options_.restart));
-    summary_.t_begin = time();
-    summary_.energy_begin = to_public(mechanism_->system.energy(current().view()));
-  }
-  last_report_.t = time();
-  dropped_at_start_ = equations_->dropped();
 }
 
 Sample Runner::sample(const StepReport& report) {
@@ -413,162 +288,9 @@ bool Runner::reached(double end) const {
   return std::isfinite(end) && !(end - time() > 4e-16 * std::max(std::abs(end), std::abs(time())));
 }
 
-void Runner::note_steps() {
-  // What found no room on a GPU may have looked for it in the middle of the run.
-  std::vector<std::string>& notices = summary_.notices;
-  if (const std::string& notice = equations_->device_notice();
-      !notice.empty() && std::find(notices.begin(), notices.end(), notice) == notices.end())
-    notices.push_back(notice);
-  if (record_.unsymmetric > 0)
-    summary_.notices.push_back(fmt::format(
-        "kind = ldlt took {} unsymmetric Newton matrices for symmetric ones (a_ij and a_ji differ by up to {:.1e} of "
-        "the largest entry: gyroscopic terms, followers, friction, forces as functions of state). The results hold, "
-        "Newton takes more iterations ({} in {} steps); kind = lu has the whole matrix",
-        record_.unsymmetric, record_.largest_asymmetry, integrator_->counts().newton_iterations,
-        integrator_->counts().steps));
-  if (const std::optional<std::string> notice = balance_ ? balance_->notice() : std::nullopt)
-    notices.push_back(*notice);
-  if (const std::optional<std::string> notice = held_.notice()) notices.push_back(*notice);
-  note_erosion();
-  const IntegratorCounts& c = integrator_->counts();
-  // Less than that hides behind the errors of the methods; a few steps of a run do not matter.
-  constexpr double kWorthSaying = 1e-6;
-  if (c.rounded > c.steps / 2 && c.largest_rounding > kWorthSaying)
-    summary_.notices.push_back(fmt::format(
-        "the steps are so short that rounding shows: in {} of {} steps Newton's iteration ended with changes of "
-        "accelerations and multipliers of up to {:.1e} of the largest; longer steps give them more exactly",
-        c.rounded, c.steps, c.largest_rounding));
-  if (c.divisions == 0) return;
-  summary_.notices.push_back(
-      fmt::format("steps of {:g} in which Newton did not converge were divided: {} halvings, the first at t = {:g}, "
-                  "down to {:.3g}",
-                  model_.integrator.alpha.step, c.divisions, c.first_division, c.shortest_step));
-}
-
-std::optional<std::string> Runner::explain_positions(const Error& error) {
-  const StatusCode code = error.status().code;
-  if (code != StatusCode::invalid_input && code != StatusCode::singular && code != StatusCode::accuracy_not_reached)
-    return std::nullopt;
-  try {
-    if (std::optional<std::string> why = unclosed_joints(*mechanism_, current(), model_.units)) return why;
-    if (!integrator_) return std::nullopt;
-    return unreached_motion(*mechanism_, current(), model_.integrator.end, model_.units);
-  } catch (const Error&) {  // the failure that brought us here is the one to report
-    return std::nullopt;
-  }
-}
-
-std::string Runner::explain_failure(const Error& error) {
-  std::string text = error.what();
-  if (const std::optional<std::string> why = explain_positions(error); why && text.find(*why) == std::string::npos) {
-    if (!integrator_)
-      return error.status().code == StatusCode::singular ? *why : *why + "; the search ended with: " + text;
-    text = *why + "; " + text;
-  }
-  text += mechanism_->inverted_elements();
-  for (const BuiltBody& body : mechanism_->bodies)
-    if (const std::optional<std::string> notice = compression_notice(body, current().q)) text += "; " + *notice;
-  if (error.status().code == StatusCode::invalid_input || state_.lambda.empty()) return text;
-  // A mechanism in a singular position is the usual reason: rows of Phi_q that nearly depend on each other, beyond
-  // those left out already.
-  const State& s = current();
-  equations_->evaluate_constraints(s.t, s.q, {});
-  const auto rows = find_dependent_rows(mechanism_->system.constraint_pattern(), equations_->phi_q(), 1e-3);
-  std::string names;
-  int count = 0;
-  for (const DependentRow& row : rows) {
-    if (equations_->dropped()[static_cast<std::size_t>(row.row)] || ++count > 4) continue;
-    names += (names.empty() ? "" : "; ") + mechanism_->system.constraint_name(row.row);
-    if (!row.partners.empty()) names += " (with " + mechanism_->system.constraint_name(row.partners.front()) + ")";
-  }
-  if (!names.empty())
-    text += fmt::format("; near a singular position at t = {:g}: these constraints are about to depend on others: {}",
-                        s.t, names);
-  return text;
-}
-
 void Runner::write_trace(const std::string& path) const {
   if (!trace_) throw std::logic_error("Simulation::write_trace: SimulationOptions::record_timeline was not set");
   trace_->write(path);
-}
-
-void Runner::note_elements() {
-  if (mechanism_->linear) return;  // which knows no large strains
-  for (const BuiltBody& body : mechanism_->bodies) {
-    if (compressed_.count(body.spec.name) > 0) continue;
-    const std::optional<std::string> notice = compression_notice(body, current().q);
-    if (!notice) continue;
-    compressed_.insert(body.spec.name);
-    summary_.notices.push_back(*notice);
-  }
-}
-
-void Runner::write_table_of_paths() {
-  if (options_.out.empty()) return;
-  const std::string file = options_.out + "/paths.csv";
-  try {
-    write_paths(file, summary_.paths);
-    summary_.files.push_back(file);
-  } catch (const Error& error) {  // the run is none the worse
-    summary_.notices.emplace_back(error.what());
-  }
-}
-
-void Runner::finish() {
-  note_elements();
-  summary_.t_end = time();
-  const IntegratorCounts c = integrator_ ? integrator_->counts() : IntegratorCounts{};
-  summary_.steps = model_.statics ? last_report_.index : c.steps;
-  summary_.newton_iterations = model_.statics ? summary_.statics_iterations : c.newton_iterations;
-  summary_.error_failures = c.error_failures;
-  summary_.newton_failures = c.newton_failures;
-  summary_.crossings = c.crossings;
-  summary_.divisions = c.divisions;
-  summary_.rounded = c.rounded;
-  summary_.largest_rounding = c.largest_rounding;
-  summary_.refactor_first = c.refactor_first;
-  summary_.refactor_step = c.refactor_step;
-  summary_.refactor_rate = c.refactor_rate;
-  summary_.refactor_failed = c.refactor_failed;
-  const EquationCounts& e = equations_->counts();
-  summary_.residuals = e.residuals;
-  summary_.tangents = e.tangents;
-  summary_.analyses = e.analyses;
-  summary_.followed = record_.followed;
-  summary_.factorizations = e.factorizations;
-  summary_.solves = e.solves;
-  summary_.turned = e.turns;
-  SimulationPhases& p = summary_.phases;
-  p.assembly = e.assembly_seconds;
-  p.analysis = record_.analysis_seconds;
-  p.factorization = std::max(0.0, e.analysis_seconds + e.factor_seconds - record_.analysis_seconds);
-  p.solve = e.solve_seconds;
-  summary_.kind = record_.dense ? "dense" : std::string(solver::name_of(record_.analysis.kind));
-  summary_.precision = std::string(solver::name_of(record_.options.precision));
-  summary_.device = record_.dense ? "host" : record_.analysis.device;
-  summary_.nonzeros_factor = record_.analysis.nonzeros_factor;
-  summary_.factor_flops = record_.analysis.flops;
-  summary_.predicted_bytes = record_.analysis.predicted_bytes;
-  summary_.peak_bytes = record_.factor.peak_host_bytes;
-  summary_.dumped = record_.dumped;
-  summary_.energy_end = mechanism_->linear
-                            ? SimulationEnergy{0, mechanism_->linear->energy([this](const State& at_load) {
-                                                 return mechanism_->system.energy(at_load.view()).potential;
-                                               })}
-                            : to_public(mechanism_->system.energy(current().view()));
-  if (balance_) {
-    summary_.energy_work = balance_->work();
-    summary_.energy_gain = balance_->gain();
-  }
-  const Sample s = sample(last_report_);
-  summary_.values.clear();
-  for (const Quantity& q : quantities_) summary_.values.emplace_back(q.name, q.value(s));
-  summary_.envelopes = envelopes_->found();
-  summary_.paths.clear();
-  for (const FieldPath& path : paths_) summary_.paths.push_back(path.at(s));
-  if (files_) summary_.files = files_->written();
-  if (files_ && !paths_.empty()) write_table_of_paths();
-  if (page_ && !page_->written().empty()) summary_.files.push_back(page_->written());
 }
 
 }  // namespace espalier::dynamics::model

@@ -29,6 +29,8 @@
 
 namespace espalier::dynamics::model {
 
+[[nodiscard]] inline SimulationEnergy to_public(const Energy& e) { return {e.kinetic, e.potential}; }
+
 /// Throws espalier::Error for everything expected that goes wrong.
 class Runner {
  public:
