@@ -7,7 +7,7 @@
 #include <string>
 #include <thread>
 
-#include "c/handle.hpp"
+#include "solver/c/c_handle.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "c/handle.hpp"
+#include "solver/c/c_handle.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {

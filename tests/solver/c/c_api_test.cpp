@@ -12,7 +12,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "c/handle.hpp"
+#include "solver/c/c_handle.hpp"
 
 namespace c_api_test {
 

@@ -11,8 +11,8 @@
 #include <tuple>
 #include <vector>
 
-#include "c/handle.hpp"
 #include "espalier/espalier.hpp"
+#include "solver/c/c_handle.hpp"
 
 namespace c_arguments_test {
 

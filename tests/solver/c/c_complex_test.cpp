@@ -8,7 +8,7 @@
 #include <random>
 #include <vector>
 
-#include "c/handle.hpp"
+#include "solver/c/c_handle.hpp"
 #include "solver/complex_common.hpp"
 
 namespace c_complex_test {

@@ -10,7 +10,7 @@
 #include <string>
 #include <vector>
 
-#include "c/handle.hpp"
+#include "solver/c/c_handle.hpp"
 
 namespace c_factor_file_test {
 
