@@ -1,5 +1,9 @@
 #include "dynamics/integrators/linearised.hpp"
 
+#include <algorithm>
+
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 TangentMatrices tangent_matrices(System& system, const State& state) {
@@ -77,6 +81,36 @@ Linearised linearise(Equations& equations, const State& state) {
   }
   out.mass = std::move(a.mass);
   out.damping = std::move(a.damping);
+  return out;
+}
+
+SparseMatrix bordered(const SparseMatrix& a, const SparsePattern& phi, ConstSpan values,
+                      const std::vector<Index>& rows) {
+  struct Entry {
+    Index row;
+    double value;
+  };
+  std::vector<std::vector<Entry>> columns(at(a.cols) + rows.size());
+  for (Index j = 0; j < a.cols; ++j)
+    for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) {
+      const Index i = a.row_ind[at(k)];
+      const double half = 0.5 * a.values[at(k)];
+      columns[at(std::min(i, j))].push_back({std::max(i, j), i == j ? 2 * half : half});
+    }
+  for (std::size_t r = 0; r < rows.size() && !values.empty(); ++r)
+    for (Offset k = phi.ptr[at(rows[r])]; k < phi.ptr[at(rows[r]) + 1]; ++k)
+      columns[at(phi.ind[at(k)])].push_back({a.cols + static_cast<Index>(r), values[at(k)]});
+  SparseMatrix out;
+  out.rows = out.cols = static_cast<Index>(columns.size());
+  out.storage = Storage::symmetric_lower;
+  out.col_ptr.assign(1, 0);
+  for (const std::vector<Entry>& column : columns) {
+    for (const Entry& e : column) {
+      out.row_ind.push_back(e.row);
+      out.values.push_back(e.value);
+    }
+    out.col_ptr.push_back(static_cast<Offset>(out.row_ind.size()));
+  }
   return out;
 }
 

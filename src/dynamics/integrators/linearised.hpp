@@ -28,4 +28,9 @@ struct Linearised {
 };
 [[nodiscard]] Linearised linearise(Equations& equations, const State& state);
 
+/// The symmetric part of A as a lower triangle, bordered by rows of constraints; every entry twice, halved, which is
+/// summed up by whoever reads it.
+[[nodiscard]] SparseMatrix bordered(const SparseMatrix& a, const SparsePattern& phi, ConstSpan values,
+                                    const std::vector<Index>& rows);
+
 }  // namespace espalier::dynamics

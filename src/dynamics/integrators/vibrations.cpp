@@ -8,6 +8,7 @@
 #include <limits>
 #include <numbers>
 
+#include "base/at.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/integrators/linearised.hpp"
 #include "modes/dense_quadratic.hpp"
@@ -17,48 +18,13 @@ namespace espalier::dynamics {
 
 namespace {
 
-std::size_t vibration_at(Offset i) { return static_cast<std::size_t>(i); }
-
-// The symmetric part of A as a lower triangle, bordered by rows of constraints; every entry twice, halved, which is
-// summed up by whoever reads it.
-SparseMatrix bordered(const SparseMatrix& a, const SparsePattern& phi, ConstSpan values,
-                      const std::vector<Index>& rows) {
-  struct Entry {
-    Index row;
-    double value;
-  };
-  std::vector<std::vector<Entry>> columns(vibration_at(a.cols) + rows.size());
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
-      const Index i = a.row_ind[vibration_at(k)];
-      const double half = 0.5 * a.values[vibration_at(k)];
-      columns[vibration_at(std::min(i, j))].push_back({std::max(i, j), i == j ? 2 * half : half});
-    }
-  for (std::size_t r = 0; r < rows.size() && !values.empty(); ++r)
-    for (Offset k = phi.ptr[vibration_at(rows[r])]; k < phi.ptr[vibration_at(rows[r]) + 1]; ++k)
-      columns[vibration_at(phi.ind[vibration_at(k)])].push_back(
-          {a.cols + static_cast<Index>(r), values[vibration_at(k)]});
-  SparseMatrix out;
-  out.rows = out.cols = static_cast<Index>(columns.size());
-  out.storage = Storage::symmetric_lower;
-  out.col_ptr.assign(1, 0);
-  for (const std::vector<Entry>& column : columns) {
-    for (const Entry& e : column) {
-      out.row_ind.push_back(e.row);
-      out.values.push_back(e.value);
-    }
-    out.col_ptr.push_back(static_cast<Offset>(out.row_ind.size()));
-  }
-  return out;
-}
-
 // X^T A X.
 Eigen::MatrixXd projected(const SparseMatrix& a, const Eigen::MatrixXd& x) {
   Eigen::MatrixXd ax = Eigen::MatrixXd::Zero(x.rows(), x.cols());
   for (Eigen::Index c = 0; c < x.cols(); ++c)
     for (Index j = 0; j < a.cols; ++j)
-      for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k)
-        ax(a.row_ind[vibration_at(k)], c) += a.values[vibration_at(k)] * x(j, c);
+      for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k)
+        ax(a.row_ind[at(k)], c) += a.values[at(k)] * x(j, c);
   return x.transpose() * ax;
 }
 
@@ -86,8 +52,7 @@ SparseMatrix magnitudes(SparseMatrix a) {
 SparseMatrix skew_part(const SparseMatrix& a) {
   constexpr double kRounding = 1e-11;
   const auto entry = [&](Index i, Index j) {
-    const auto first = a.row_ind.begin() + a.col_ptr[vibration_at(j)],
-               end = a.row_ind.begin() + a.col_ptr[vibration_at(j) + 1];
+    const auto first = a.row_ind.begin() + a.col_ptr[at(j)], end = a.row_ind.begin() + a.col_ptr[at(j) + 1];
     const auto found = std::lower_bound(first, end, i);
     return found != end && *found == i ? a.values[static_cast<std::size_t>(found - a.row_ind.begin())] : 0.0;
   };
@@ -95,11 +60,10 @@ SparseMatrix skew_part(const SparseMatrix& a) {
   for (Index j = 0; j < a.cols; ++j) diagonal.push_back(std::sqrt(std::abs(entry(j, j))));
   SparseMatrix out = a;
   for (Index j = 0; j < a.cols; ++j)
-    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
-      const Index i = a.row_ind[vibration_at(k)];
-      const double half = 0.5 * (a.values[vibration_at(k)] - entry(j, i));
-      out.values[vibration_at(k)] =
-          std::abs(half) <= kRounding * diagonal[vibration_at(i)] * diagonal[vibration_at(j)] ? 0 : half;
+    for (Offset k = a.col_ptr[at(j)]; k < a.col_ptr[at(j) + 1]; ++k) {
+      const Index i = a.row_ind[at(k)];
+      const double half = 0.5 * (a.values[at(k)] - entry(j, i));
+      out.values[at(k)] = std::abs(half) <= kRounding * diagonal[at(i)] * diagonal[at(j)] ? 0 : half;
     }
   return out;
 }
@@ -153,9 +117,9 @@ ModalSystem modal_system(Equations& equations, const State& state, Index count, 
   out.n = projected(skew_part(a.stiffness), out.x);
   out.d = projected(a.damping, out.x);
   if (max_norm(a.damping.values) == 0) return out;
-  constexpr double kNothing = 1e-12;  // of the terms of a sum
+  constexpr double kOfTerms = 1e-12;  // of the terms of a sum
   const Eigen::VectorXd terms = projected(magnitudes(a.damping), out.x.cwiseAbs()).diagonal().cwiseSqrt();
-  out.d = (out.d.array().abs() <= kNothing * (terms * terms.transpose()).array()).select(0.0, out.d);
+  out.d = (out.d.array().abs() <= kOfTerms * (terms * terms.transpose()).array()).select(0.0, out.d);
   return out;
 }
 
@@ -168,14 +132,14 @@ double typical_rate(const ModalSystem& s, Index count) {
 
 /// Motions without stiffness are not coupled to others by rounding of their shapes.
 void free_unresisted(ModalSystem& s, Index count) {
-  constexpr double kNothing = 1e-12;
+  constexpr double kOfTerms = 1e-12;
   const double rate = typical_rate(s, count);
   const auto clear = [&](double& x, double least) { x = std::abs(x) <= least ? 0 : x; };
   for (Eigen::Index i = 0; i < s.l.size(); ++i)
     for (Eigen::Index j = 0; s.l[i] == 0 && j < s.l.size(); ++j)
       for (const auto& [r, c] : {std::pair(i, j), std::pair(j, i)}) {
-        clear(s.d(r, c), kNothing * rate);
-        clear(s.n(r, c), kNothing * rate * rate);
+        clear(s.d(r, c), kOfTerms * rate);
+        clear(s.n(r, c), kOfTerms * rate * rate);
       }
 }
 
@@ -244,7 +208,7 @@ std::vector<Mode> damped(const ModalSystem& s, Eigen::Index size, Index count) {
 /// By how much the first eigenvalues of both differ, in parts.
 double largest_change(const std::vector<Mode>& a, const std::vector<Mode>& b, Index count) {
   double change = 0;
-  for (std::size_t i = 0; i < std::min({vibration_at(count), a.size(), b.size()}); ++i)
+  for (std::size_t i = 0; i < std::min({at(count), a.size(), b.size()}); ++i)
     change = std::max(change, std::abs(std::abs(b[i].eigenvalue) - std::abs(a[i].eigenvalue)) /
                                   std::max(std::abs(a[i].eigenvalue), 1e-300));
   return change;
@@ -333,7 +297,7 @@ Vibrations structural_vibrations(Equations& equations, const State& state, Index
   out.notice = s.notice;
   add_notice(out.notice, rounding_notice(s, count));
   out.modes = hysteretic(s, std::min<Eigen::Index>(s.l.size(), 3 * count + 40));
-  out.modes.resize(std::min(vibration_at(count), out.modes.size()));
+  out.modes.resize(std::min(at(count), out.modes.size()));
   return out;
 }
 
@@ -375,82 +339,7 @@ Vibrations small_vibrations_by(Equations& equations, const State& state, Index c
                            "eigenvalues differ by up to {:.1e}",
                            size, fewer, largest_change(out.modes, damped(s, fewer, count), count)));
   }
-  out.modes.resize(std::min(vibration_at(count), out.modes.size()));
-  return out;
-}
-
-namespace {
-
-struct BorderedPencil {
-  SparseMatrix k, m;
-};
-
-// K and M with the rows of constraints that stay, which are those of `dropped`.
-BorderedPencil bordered_pencil(Equations& equations, const State& state, const std::vector<char>& dropped) {
-  const TangentMatrices a = tangent_matrices(equations.system(), state);
-  equations.evaluate_constraints(state.t, state.q, {});
-  std::vector<Index> rows;
-  for (Index i = 0; i < equations.sizes().constraints; ++i)
-    if (dropped.empty() || dropped[vibration_at(i)] == 0) rows.push_back(i);
-  const SparsePattern& phi = equations.system().constraint_pattern();
-  const std::vector<double> zeros(equations.phi_q().size(), 0.0);
-  return {bordered(a.stiffness, phi, equations.phi_q(), rows), bordered(a.mass, phi, zeros, rows)};
-}
-
-// X^T A X of a lower triangle whose duplicates are summed.
-Eigen::MatrixXd lower_projected(const SparseMatrix& a, const Eigen::MatrixXd& x) {
-  Eigen::MatrixXd ax = Eigen::MatrixXd::Zero(x.rows(), x.cols());
-  for (Index j = 0; j < a.cols; ++j)
-    for (Offset k = a.col_ptr[vibration_at(j)]; k < a.col_ptr[vibration_at(j) + 1]; ++k) {
-      const Index i = a.row_ind[vibration_at(k)];
-      ax.row(i) += a.values[vibration_at(k)] * x.row(j);
-      if (i != j) ax.row(j) += a.values[vibration_at(k)] * x.row(i);
-    }
-  return x.transpose() * ax;
-}
-
-SparseMatrix difference(const SparseMatrix& above, const SparseMatrix& below, double step) {
-  SparseMatrix d = above;
-  for (std::size_t i = 0; i < d.values.size(); ++i) d.values[i] = (above.values[i] - below.values[i]) / (2 * step);
-  return d;
-}
-
-}  // namespace
-
-FrequencySlopes frequency_slopes(Equations& equations, const State& state, Index count,
-                                 const std::vector<PencilSides>& parameters, const Options& solver) {
-  constexpr double kEqual = 1e-6;   // relative difference of eigenvalues that count as one
-  constexpr double kRigid = 1e-10;  // of the largest: a rigid motion
-  const BorderedPencil own = bordered_pencil(equations, state, equations.dropped());
-  ModesOptions options;
-  options.count = count;
-  options.solver = solver;
-  const ModesResult found = find_modes(own.k, own.m, options);
-  if (!found.status.ok()) throw Error(found.status.code, "initial.modes: " + found.status.message);
-  const Eigen::Map<const Eigen::MatrixXd> x(found.vectors.data(), found.n, found.count());
-  const std::vector<double>& l = found.eigenvalues;
-  const double largest = l.empty() ? 0 : l.back();
-  FrequencySlopes out;
-  for (const double e : l) out.frequencies.push_back(std::sqrt(std::max(e, 0.0)) / (2 * std::numbers::pi));
-  out.derivatives.assign(l.size() * parameters.size(), 0.0);
-  for (std::size_t p = 0; p < parameters.size(); ++p) {
-    const PencilSides& sides = parameters[p];
-    const BorderedPencil below = bordered_pencil(*sides.equations[0], *sides.states[0], equations.dropped());
-    const BorderedPencil above = bordered_pencil(*sides.equations[1], *sides.states[1], equations.dropped());
-    const SparseMatrix dk = difference(above.k, below.k, sides.step), dm = difference(above.m, below.m, sides.step);
-    for (std::size_t first = 0, end = 0; first < l.size(); first = end) {
-      end = first + 1;
-      while (end < l.size() && l[end] - l[end - 1] <= kEqual * l[end]) ++end;
-      if (l[first] <= kRigid * largest) continue;
-      const Eigen::MatrixXd group =
-          x.middleCols(static_cast<Eigen::Index>(first), static_cast<Eigen::Index>(end - first));
-      const Eigen::MatrixXd slope = lower_projected(dk, group) - l[first] * lower_projected(dm, group);
-      const Eigen::VectorXd slopes = dense::symmetric_eigenvalues(slope);
-      for (std::size_t i = first; i < end; ++i)
-        out.derivatives[i * parameters.size() + p] =
-            slopes[static_cast<Eigen::Index>(i - first)] / (2 * std::sqrt(l[i]) * 2 * std::numbers::pi);
-    }
-  }
+  out.modes.resize(std::min(at(count), out.modes.size()));
   return out;
 }
 

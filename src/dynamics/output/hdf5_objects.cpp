@@ -127,6 +127,10 @@ std::uint32_t rotated(std::uint32_t x, int by) { return std::rotl(x, by); }
 
 int bytes_of(NumberType type) { return type == NumberType::uint8 ? 1 : type == NumberType::float32 ? 4 : 8; }
 
+std::uint32_t crc(const std::string& bytes) {
+  return static_cast<std::uint32_t>(crc32_z(0, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+}
+
 void Bytes::append(std::uint64_t value, int bytes) {
   for (int i = 0; i < bytes; ++i) text_ += static_cast<char>(i < 8 ? value >> 8 * i & 0xFFU : 0);
 }
