@@ -9,7 +9,6 @@
 #include "base/at.hpp"
 
 namespace espalier::analysis {
-
 namespace {
 
 // r |a| c of a tight entry is 1 up to the rounding of two divisions and two products.

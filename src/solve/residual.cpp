@@ -1,22 +1,18 @@
 #include "solve/residual.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <complex>
 #include <limits>
-#include <numeric>
 #include <utility>
+
+#include "solve/residual_rows.hpp"
 
 namespace espalier::solve {
 
 namespace {
 
-constexpr std::int64_t kRowsPerRange = 2048;
-constexpr std::int64_t kValuesPerRange = 16384;  // values of a vector per range of work
-constexpr std::size_t kGroups = 2;               // registers of right-hand sides in one pass over the matrix
-constexpr Index kProductLanes = 8;               // vectors in one pass of products
-constexpr Offset kAhead = 64;                    // entries between asking for a scattered value and using it
+constexpr std::size_t kGroups = 2;  // registers of right-hand sides in one pass over the matrix
 
 // A sum of products in twice the working precision: TwoProduct by fused multiply-add, TwoSum of Knuth.
 class LongSum {
@@ -58,39 +54,6 @@ std::shared_ptr<const matrix::RowIndex> ResidualOperator::rows_of(const MatrixVi
   return std::make_shared<const matrix::RowIndex>(matrix::index_rows(a, pool));
 }
 
-// Calls use0 and use1 in turn with (value, column) for every entry of a row of op(A), in a fixed order: two chains of
-// sums that the processor can follow side by side.
-template <class Value, class Use0, class Use1>
-[[gnu::always_inline]] inline void ResidualOperator::visit_row(Index row, bool transpose, Use0&& use0,
-                                                               Use1&& use1) const {
-  const bool general = a_.storage == Storage::general;
-  const Value* const values = reinterpret_cast<const Value*>(values_.data());
-  const bool turned = numbers_ == base::Numbers::hermitian;  // a column is the conjugate of the row
-  const auto mirrored = [&](Offset q) __attribute__((always_inline)) {
-    return turned ? base::conjugate(values[q]) : values[q];
-  };
-  if (!general || transpose) {
-    Offset q = a_.col_ptr[row];
-    const Offset end = a_.col_ptr[row + 1];
-    for (; q + 1 < end; q += 2) {
-      use0(mirrored(q), a_.row_ind[q]);
-      use1(mirrored(q + 1), a_.row_ind[q + 1]);
-    }
-    if (q < end) use0(mirrored(q), a_.row_ind[q]);
-  }
-  const matrix::RowIndex& rows = *rows_;
-  if (rows.ptr.empty() || (general && transpose)) return;
-  Offset q = rows.ptr[row];
-  const Offset end = rows.ptr[row + 1], last = rows.source.size() - 1;
-  for (; q + 1 < end; q += 2) {
-    __builtin_prefetch(&values[rows.source[std::min(q + kAhead, last)]]);
-    __builtin_prefetch(&values[rows.source[std::min(q + kAhead + 1, last)]]);
-    use0(values[rows.source[q]], rows.col[q]);
-    use1(values[rows.source[q + 1]], rows.col[q + 1]);
-  }
-  if (q < end) use0(values[rows.source[q]], rows.col[q]);
-}
-
 void ResidualOperator::set_values(std::span<const double> values) {
   values_ = values;
   norm_inf_ = norm_one_ = -1;
@@ -102,15 +65,6 @@ double ResidualOperator::norm(bool transpose) const {
     known = numbers_ == base::Numbers::real ? largest_row_sum<double>(transpose)
                                             : largest_row_sum<std::complex<double>>(transpose);
   return known;
-}
-
-// use(k, begin, end) for range k of the rows that are computed here.
-template <class Use>
-void ResidualOperator::for_each_range(const Use& use) const {
-  pool_->for_each_range(end_row_ - first_row_, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    use(static_cast<std::size_t>(begin / kRowsPerRange), first_row_ + static_cast<Index>(begin),
-        first_row_ + static_cast<Index>(end));
-  });
 }
 
 std::size_t ResidualOperator::ranges() const {
@@ -334,18 +288,6 @@ RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<d
   return {std::span<const double>(values).first(count), std::span<const Index>(cols).first(count)};
 }
 
-// Row-major in groups of `lanes`; lanes without a column hold zeros.
-template <class Column>
-void ResidualOperator::pack(std::size_t count, std::size_t lanes, const Column& column, double* packed) const {
-  const auto n = static_cast<std::size_t>(a_.rows);
-  pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    for (std::size_t first = 0; first < count; first += lanes)
-      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
-        for (std::size_t k = 0; k < lanes; ++k)
-          packed[first * n + i * lanes + k] = first + k < count ? column(first + k)[i] : 0;
-  });
-}
-
 // One pass over the matrix. The columns are packed in groups of sums.lanes.
 void ResidualOperator::compute_pass(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,
                                     const RowSums& sums, double* packed, bool transpose) const {
@@ -373,112 +315,5 @@ void ResidualOperator::compute_pass(std::span<const ResidualColumn> columns, std
   });
   for (std::size_t k = 0; k < count; ++k) errors[k] = total(std::span<const RowErrors>(found).subspan(k * each, each));
 }
-
-void ResidualOperator::multiply(const double* x, double* y, bool transpose) const {
-  if (numbers_ == base::Numbers::real)
-    multiply_rows(x, y, transpose);
-  else
-    multiply_rows(base::as_complex(x), base::as_complex(y), transpose);
-}
-
-template <class Value>
-void ResidualOperator::multiply_rows(const Value* x, Value* y, bool transpose) const {
-  for_each_range([&](std::size_t, Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      Value sum0 = 0;
-      Value sum1 = 0;
-      visit_row<Value>(
-          i, transpose, [&](Value v, Index c) { sum0 += v * x[c]; }, [&](Value v, Index c) { sum1 += v * x[c]; });
-      y[i] = sum0 + sum1;
-    }
-  });
-}
-
-void ResidualOperator::multiply_columns(const double* x, double* y, Index columns, bool transpose) const {
-  if (columns == 1 || numbers_ != base::Numbers::real) return ResidualSpace::multiply_columns(x, y, columns, transpose);
-  base::Buffer<double> packed(Offset{a_.rows} * kProductLanes, nullptr);
-  for (Index first = 0; first < columns; first += kProductLanes) {
-    const auto now = static_cast<std::size_t>(std::min(kProductLanes, columns - first));
-    const Offset at = Offset{first} * a_.rows;
-    multiply_pass(x + at, y + at, now, packed.data(), transpose);
-  }
-}
-
-// Each lane does what multiply_rows() does.
-void ResidualOperator::multiply_pass(const double* x, double* y, std::size_t count, double* packed,
-                                     bool transpose) const {
-  constexpr std::size_t lanes = kProductLanes;
-  const auto n = static_cast<std::size_t>(a_.rows);
-  pack(
-      count, lanes, [&](std::size_t k) { return x + k * n; }, packed);
-  for_each_range([&](std::size_t, Index begin, Index end) {
-    for (Index i = begin; i < end; ++i) {
-      double sum0[lanes] = {}, sum1[lanes] = {};
-      const auto add = [&](double v, Index c, double* sum) __attribute__((always_inline)) {
-        const double* const xc = packed + static_cast<std::size_t>(c) * lanes;
-        for (std::size_t k = 0; k < lanes; ++k) sum[k] += v * xc[k];
-      };
-      visit_row<double>(
-          i, transpose, [&](double v, Index c) __attribute__((always_inline)) { add(v, c, sum0); },
-          [&](double v, Index c) __attribute__((always_inline)) { add(v, c, sum1); });
-      for (std::size_t k = 0; k < count; ++k) y[k * n + static_cast<std::size_t>(i)] = sum0[k] + sum1[k];
-    }
-  });
-}
-
-void ResidualOperator::combine(double a, const double* x, double b, double* y) const {
-  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
-    if (b == 0) {
-      for (auto i = begin; i < end; ++i) y[i] = a * x[i];
-    } else {
-      for (auto i = begin; i < end; ++i) y[i] = a * x[i] + b * y[i];
-    }
-  });
-}
-
-void ResidualOperator::add_columns(const double* z, std::span<const double> factors, double* y) const {
-  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
-    const double* column = z;
-    for (const double factor : factors) {
-      if (factor != 0)
-        for (auto i = begin; i < end; ++i) y[i] += factor * column[i];
-      column += size();
-    }
-  });
-}
-
-double ResidualOperator::dot(const double* a, const double* b) const {
-  std::vector<double> sums(static_cast<std::size_t>((size() + kValuesPerRange - 1) / kValuesPerRange), 0);
-  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
-    sums[static_cast<std::size_t>(begin / kValuesPerRange)] = std::inner_product(a + begin, a + end, b + begin, 0.0);
-  });
-  return std::accumulate(sums.begin(), sums.end(), 0.0);
-}
-
-void ResidualOperator::copy(const double* from, double* to) const {
-  pool_->for_each_range(size(), kValuesPerRange,
-                        [&](std::int64_t begin, std::int64_t end) { std::copy(from + begin, from + end, to + begin); });
-}
-
-bool ResidualOperator::add(const double* from, double* to) const {
-  std::atomic<bool> finite{true};
-  pool_->for_each_range(size(), kValuesPerRange, [&](std::int64_t begin, std::int64_t end) {
-    bool fine = true;
-    for (auto i = begin; i < end; ++i) {
-      fine = fine && std::isfinite(to[i]);
-      to[i] += from[i];
-    }
-    if (!fine) finite = false;
-  });
-  return finite;
-}
-
-ResidualSpace::Vectors ResidualOperator::vectors(Index, Index columns) const {
-  auto owner = std::make_shared<base::Buffer<double>>(Offset{size()} * columns, nullptr);
-  double* data = owner->data();
-  return {data, std::move(owner)};
-}
-
-Offset ResidualOperator::bytes() const { return rows_->bytes(); }
 
 }  // namespace espalier::solve
