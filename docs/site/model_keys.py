@@ -91,7 +91,12 @@ SECTIONS = (
     ("[equations.NAME]: a term", "read_equations.cpp", "read_term", (), (("Equations and ties", "equations"),)),
     ("[ties.NAME]", "read_equations.cpp", "read_tie", (), (("Equations and ties", "ties"),)),
     ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
-    ("Joint rolling", "read_joints.cpp", "read_rolling", (), (("Joints", "type"),)),
+    ("Joint rolling", "joint_kinds/rolling.cpp", "read_rolling", (), (("Joints", "type"),)),
+    ("Joints distance, revolute-spherical", "joint_kinds/lengths.cpp", "read_distance", (), (("Joints", "type"),)),
+    ("Joint prescribed", "joint_kinds/motors.cpp", "read_prescribed", (), (("Joints", "type"),)),
+    ("Motors, and joint prescribed", "joint_kinds/motors.cpp", "read_joint_motion", (), (("Joints", "type"),)),
+    ("Joints gear, coupled-slides", "joint_kinds/couplings.cpp", "read_ratio", (), (("Joints", "type"),)),
+    ("Joint rack-and-pinion", "joint_kinds/couplings.cpp", "read_pinion", (), (("Joints", "type"),)),
     ("Joint screw", "joint_kinds/screw.cpp", "read_screw", (), (("Wheels, racks and worms", "key"),)),
     ("Joint point-on-curve", "joint_kinds/point_on_curve.cpp", "read_point_on_curve", (), (("Points on curves and surfaces", "key"),)),
     ("Joint point-on-surface", "joint_kinds/point_on_surface.cpp", "read_form", (), (("Points on curves and surfaces", "key"),)),
@@ -257,6 +262,10 @@ def name_lists():
                 NAMES.setdefault(m[1], re.findall(r'"([\w-]+)"', m[2]))
             for m in re.finditer(r"constexpr \w+Row (\w+)\[\] = \{(.*?)\};", text, re.S):  # a row a kind, its name first
                 NAMES[m[1]] = re.findall(r'\{"([\w-]+)"', m[2])
+        rows = "".join(f.read_text() for f in sorted(MODEL.glob("joint_kinds/*.cpp")))
+        names = dict(re.findall(r'const JointKind (\w+) = \{[^"]*?\.name = "([\w-]+)"', rows))
+        listed = re.search(r"kJointKinds\[\] = \{([^}]*)\}", (MODEL / "joint_kinds/kind.hpp").read_text())[1]
+        NAMES["kJointKinds"] = [names[row] for row in re.findall(r"&(\w+)", listed)]
     return NAMES
 
 
@@ -319,7 +328,7 @@ def unknown_literals(text, seen):
         inside = m.start() - line_start
         if m.start() in seen or m[1] in OTHER_WORDS or line.lstrip().startswith(("//", "#include")):
             continue
-        if any(a <= m.start() < b for a, b in lists) or line[:inside].endswith("== "):
+        if any(a <= m.start() < b for a, b in lists) or line[:inside].endswith(("== ", ".name = ")):
             continue
         if line[:inside].count('"') % 2 == 1:  # inside another literal
             continue

@@ -34,13 +34,13 @@ PARTS = {
         "shell": (_FLEXIBLE + "read_shell read_thickness read_shell_of_file material", "", ""),
         "substructure": (_FLEXIBLE + "read_substructure read_lines", "gravity type position rotation velocity angular_velocity damping"
                          " reduce stiffness mass nodes lines", "stiffness mass nodes")},
-    "joints": {t: (f"read_joint {_FRAMES} read_attach read_rolling read_joint_contacts", _JOINT + more, needed) for t, more, needed in (
+    "joints": {t: (f"read_joint {_FRAMES} read_attach read_distance read_prescribed read_joint_motion read_rolling read_joint_contacts", _JOINT + more, needed) for t, more, needed in (
         ("fixed", "", ""), ("revolute", "limits friction armature", ""), ("spherical", "", ""), ("universal", "", ""),
         ("cylindrical", "limits angle_limits friction", ""), ("prismatic", "limits friction armature", ""), ("planar", "", ""),
         ("point-on-line", "limits friction", ""), ("distance", "length", ""), ("revolute-spherical", "length", ""),
         ("rotation-motor", "motion from", "motion"), ("translation-motor", "motion from", "motion"),
         ("prescribed", "direction motion from", "direction motion"), ("rolling", "shape radius rim", "radius"), ("skate", "", ""))}
-    | {t: (f"read_joint {_FRAMES} read_attach", f"type a b c d {more} pull attach active", f"a b c d {more}")
+    | {t: (f"read_joint {_FRAMES} read_attach read_ratio read_pinion", f"type a b c d {more} pull attach active", f"a b c d {more}")
        for t, more in (("gear", "ratio"), ("rack-and-pinion", "radius"), ("coupled-slides", "ratio"))}
     | {t: (f"read_joint {_FRAMES} read_attach {readers} read_joint_contacts", _JOINT + more, needed) for t, readers, more, needed in (
         ("screw", "read_screw", "lead limits angle_limits friction", "lead"), ("constant-velocity", "", "limits", ""),

@@ -162,7 +162,7 @@ class Parts:
 
         type "rolling" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above):
         shape: one of wheel, ball, default wheel
-        radius: number [length], needed
+        radius: number > 0 [length], needed
         rim: number > 0 [length]
 
         type "skate" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active as above)
@@ -174,7 +174,8 @@ class Parts:
         d: a marker's name or a table, needed
         ratio: number, needed
 
-        type "rack-and-pinion" (a, b, c, d, radius, pull, attach, active as above)
+        type "rack-and-pinion" (a, b, c, d, pull, attach, active as above):
+        radius: number [length], needed
 
         type "coupled-slides" (a, b, c, d, ratio, pull, attach, active as above)
 
@@ -191,8 +192,8 @@ class Parts:
 
         type "in-line" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as above)
 
-        type "point-on-curve" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, from, limits, friction
-            as above):
+        type "point-on-curve" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, limits, friction as
+            above):
         points: list of points [length]. of the curve, in the axes of frame a: a cubic spline goes through them, twice
             differentiable
         file: text. the same from a text file, x, y, z in each line
@@ -201,13 +202,14 @@ class Parts:
             there again)
         ends: one of limits, straight, default limits. of an open curve: "limits" stop the point, or it goes on along
             the "straight" tangents
-        motion: function of time [length]
+        motion: function of time [length]. leads the point: its way along the curve as a function of time
+        from: one of zero, initial, default zero. leads the point: its way along the curve as a function of time
 
         type "point-on-surface" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, friction as above):
         shape: one of sphere, ellipsoid, cylinder, cone, torus, heights, needed. sphere, cylinder (about z), torus
             (about z): with radius, the torus with rim for its tube; cone (about z, open to it, its apex at the
             origin) with angle
-        radius: number [length]
+        radius: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
         rim: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
         angle: number > 0 [angle]. between the axis of a cone and its surface, in radians
         half_axes: list of three numbers [length]. of an ellipsoid along x, y, z
@@ -224,13 +226,17 @@ class Parts:
             ("20*pi/180"): they press each wheel away from the pitch point by its tangent times the tooth force,
             whichever way this goes
 
-        type "rack-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, radius, pressure_angle,
-            friction as above)
+        type "rack-pair" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, pressure_angle, friction as
+            above):
+        radius: number, or "initial" [length]. pitch radius of the pinion
 
-        type "worm" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, lead, radius, friction as above)
+        type "worm" (a, b, bodies, at, rotation, axis, x_axis, pull, attach, active, lead, friction as above):
+        radius: number > 0 [length], needed. pitch radius of the pinion
 
-        type "cable" (length, pull, attach, active as above):
+        type "cable" (pull, attach, active as above):
         through: table, needed. the frames: where it begins, the rings, where it ends
+        length: number, or "initial" [length]. of all; "initial": as it is at the start, or where an event switches it
+            on
         """
         return self.part("joints", name, {"type": type, **keys})
 

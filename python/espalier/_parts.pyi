@@ -1071,7 +1071,7 @@ class Parts:
             rotation are held, and the face may bend and warp
         active: true or false, default true
         shape: one of wheel, ball, default wheel
-        radius: number [length], needed
+        radius: number > 0 [length], needed
         rim: number > 0 [length]
         """
     @overload
@@ -1304,8 +1304,8 @@ class Parts:
             there again)
         ends: one of limits, straight, default limits. of an open curve: "limits" stop the point, or it goes on along
             the "straight" tangents
-        motion: function of time [length]
-        from: one of zero, initial, default zero
+        motion: function of time [length]. leads the point: its way along the curve as a function of time
+        from: one of zero, initial, default zero. leads the point: its way along the curve as a function of time
         limits: {...}
         friction: {...}
         """
@@ -1336,7 +1336,7 @@ class Parts:
         shape: one of sphere, ellipsoid, cylinder, cone, torus, heights, needed. sphere, cylinder (about z), torus
             (about z): with radius, the torus with rim for its tube; cone (about z, open to it, its apex at the
             origin) with angle
-        radius: number [length]
+        radius: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
         rim: number > 0 [length]. of sphere, cylinder, or of the circle in the tube of a torus
         angle: number > 0 [angle]. between the axis of a cone and its surface, in radians
         half_axes: list of three numbers [length]. of an ellipsoid along x, y, z
@@ -1398,7 +1398,7 @@ class Parts:
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and
             rotation are held, and the face may bend and warp
         active: true or false, default true
-        radius: number [length]
+        radius: number, or "initial" [length]. pitch radius of the pinion
         pressure_angle: number [angle], default 0. of the teeth of a gear pair or a rack pair, in radians
             ("20*pi/180"): they press each wheel away from the pitch point by its tangent times the tooth force,
             whichever way this goes
@@ -1427,7 +1427,7 @@ class Parts:
             rotation are held, and the face may bend and warp
         active: true or false, default true
         lead: number [length], needed. way of the thread for a turn of the worm, positive for right-handed ones
-        radius: number [length], needed
+        radius: number > 0 [length], needed. pitch radius of the pinion
         friction: {...}
         """
     @overload
@@ -1438,7 +1438,8 @@ class Parts:
         """Adds [joints.NAME], type "cable", and returns the name.
 
         through: table, needed. the frames: where it begins, the rings, where it ends
-        length: number, or "initial" [length]
+        length: number, or "initial" [length]. of all; "initial": as it is at the start, or where an event switches it
+            on
         pull: true or false, default false
         attach: one of mean, rigid. how a face, an edge, a bore or a node set is held, also as a key of the joint.
             rigid: all its nodes are one rigid piece (of a shell with its directors). mean: their mean position and

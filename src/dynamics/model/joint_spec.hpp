@@ -65,6 +65,7 @@ struct MarkerSpec {
   int most_nodes = 0;  ///< faces are thinned out evenly until about this many nodes are left; 0: never
 };
 
+/// What these are called, read and make: a row each in joint_kinds/.
 enum class JointType {
   fixed,
   revolute,
@@ -84,7 +85,6 @@ enum class JointType {
   coupled_slides,
   rolling,
   skate,
-  // What these read and make: a row each in joint_kinds/kinds.cpp.
   screw,
   constant_velocity,
   parallel_axes,
@@ -97,7 +97,6 @@ enum class JointType {
   worm,
   cable
 };
-[[nodiscard]] const std::vector<std::string>& joint_type_names();
 
 /// Friction of a joint, see forces/joint_friction.hpp.
 struct FrictionSpec {

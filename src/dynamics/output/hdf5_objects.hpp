@@ -16,7 +16,7 @@ enum class NumberType { float32, float64, int64, uint8 };
 
 inline constexpr std::uint64_t kNowhere = ~std::uint64_t{0};  ///< the undefined address
 inline constexpr std::size_t kSuperblock = 48;                ///< bytes
-// Of our own files: a record of 8 letters and more stands before the headers of a slot.
+// Constants of our own files: a record of 8 letters and more stands before the headers of a slot.
 inline constexpr char kRecord[] = "ESPALIER";
 inline constexpr std::uint64_t kFirstSlot = 64;
 inline constexpr int kMostLevels = 8;  ///< of the index: 64^8 chunks

@@ -6,7 +6,6 @@
 #include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/forces/body_load.hpp"
 #include "dynamics/forces/guide.hpp"
-#include "dynamics/joints/coupled_slides.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/line_loads.hpp"
@@ -73,10 +72,7 @@ class Builder {
 
   /// The value of a relative coordinate of the first two frames in the initial state.
   double measure(Relative kind, int axis, const std::vector<MarkerSpec>& frames) {
-    const FrameMotion a = frames_.initial_motion(frames[0]), b = frames_.initial_motion(frames[1]);
-    RelativeValue value;
-    evaluate(kind, axis, 0, a, b, false, value);
-    return value.value;
+    return model::measure(kind, axis, frames_.initial_motion(frames[0]), frames_.initial_motion(frames[1]));
   }
 
   void add_modal_damping() {
@@ -109,10 +105,6 @@ class Builder {
       }
   }
 
-  TimeFunction motion(const JointSpec& j, Relative kind, int axis) {
-    return motion(j, j.relative ? measure(kind, axis, j.frames) : 0);
-  }
-
   /// @param initial  value of its coordinate; used where the text counts from there
   TimeFunction motion(const JointSpec& j, double initial) {
     TimeFunction f = motion_of_text(j, initial);
@@ -134,8 +126,6 @@ class Builder {
     return f;
   }
 
-  double length(const JointSpec& j) { return j.measured ? measure(Relative::distance, 0, j.frames) : j.parameter; }
-
   void add_joint(const JointSpec& given) {
     joints_.push_back(completed(given, frames_, out_, out_.notices));
     for (const MarkerSpec& marker : joints_.back().frames) hold_rigidly(marker, frames_, out_);
@@ -149,50 +139,11 @@ class Builder {
     } else {
       for (const MarkerSpec& marker : j.frames) f.push_back(frames_.make(marker));
     }
-    if (const JointKind* kind = joint_kind(j.type))
-      return kind->make(j, std::move(f),
-                        start_of(j.frames, frames_, [&](double initial) { return motion(j, initial); }));
-    switch (j.type) {
-      case JointType::fixed:
-        return fixed_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::revolute:
-        return revolute_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::spherical:
-        return spherical_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::universal:
-        return universal_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::cylindrical:
-        return cylindrical_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::prismatic:
-        return prismatic_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::planar:
-        return planar_joint(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::point_on_line:
-        return point_on_line(j.name, std::move(f[0]), std::move(f[1]));
-      case JointType::distance:
-        return distance_joint(j.name, std::move(f[0]), std::move(f[1]), length(j));
-      case JointType::revolute_spherical:
-        return revolute_spherical_joint(j.name, std::move(f[0]), std::move(f[1]), length(j));
-      case JointType::rotation_motor:
-        return rotation_motor(j.name, std::move(f[0]), std::move(f[1]), motion(j, Relative::angle, 0));
-      case JointType::translation_motor:
-        return translation_motor(j.name, std::move(f[0]), std::move(f[1]), motion(j, Relative::along, 2));
-      case JointType::prescribed:
-        return prescribed_coordinate(j.name, std::move(f[0]), std::move(f[1]), j.axis,
-                                     motion(j, Relative::global, j.axis));
-      case JointType::gear:
-        return gear_joint(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
-      case JointType::rack_and_pinion:
-        return rack_and_pinion(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
-      case JointType::coupled_slides:
-        return coupled_slides(j.name, std::move(f[0]), std::move(f[1]), std::move(f[2]), std::move(f[3]), j.parameter);
-      case JointType::rolling:
-      case JointType::skate:
-        return rolling_joint(j.name, std::move(f[0]), std::move(f[1]), j.rolling);
-      default:
-        break;
-    }
-    throw std::logic_error("a type of joint is missing in the builder");
+    const JointKind& kind = joint_kind(j.type);
+    const bool starts = kind.starts || j.measured || j.relative;
+    return kind.make(j, std::move(f),
+                     start_of(starts ? j.frames : std::vector<MarkerSpec>{}, frames_,
+                              [&](double initial) { return motion(j, initial); }));
   }
 
   SpringLaw spring_law(const ForceSpec& f, Relative kind, int axis) {

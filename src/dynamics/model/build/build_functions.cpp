@@ -13,7 +13,7 @@
 #include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/build/functions.hpp"
 #include "dynamics/model/controllers/controllers.hpp"
-#include "dynamics/model/joint_kinds/freedom.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/joint_kinds/wheels.hpp"
 
 namespace espalier::dynamics::model {
@@ -161,7 +161,7 @@ PairCoordinate turn_about_z() { return {Relative::angle, 2}; }
 
 StateFunctionPtr friction_load_of(const JointSpec& spec, const Joint& joint, const JointStart& start) {
   const FrictionSpec& f = *spec.friction;
-  if (joint_freedom(spec.type).whole_force) return friction_load_of_force(joint, f.load.preload);
+  if (joint_kind(spec.type).freedom.whole_force) return friction_load_of_force(joint, f.load.preload);
   const auto of_tooth = [&](double angle) {
     return friction_load_of_row(joint, 0, 1 / std::cos(angle), f.load.preload);
   };
@@ -172,7 +172,7 @@ StateFunctionPtr friction_load_of(const JointSpec& spec, const Joint& joint, con
 
 void add_friction(const JointSpec& spec, const FrameBuilder& frames, Joint& joint, Mechanism& out) {
   const FrictionSpec& f = *spec.friction;
-  const JointFreedom freedom = joint_freedom(spec.type);
+  const JointFreedom freedom = joint_kind(spec.type).freedom;
   const JointStart start = start_of(spec.frames, frames);
   const StateFunctionPtr load = friction_load_of(spec, joint, start);
   JointContacts& contacts = out.contacts[spec.name];

@@ -7,6 +7,7 @@
 #include "dense/dense.hpp"
 #include "dynamics/bodies/carried_frame.hpp"
 #include "dynamics/joints/space_curve.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -26,45 +27,7 @@ Mat3 nearest_axes(const Mat3& a, const Mat3& b) {
   return a * best;
 }
 
-enum class Turn { free, axis, cross, all };
-
-struct Demand {
-  Vec3 held = Vec3::Ones();  // along the axes of a
-  Turn turn = Turn::free;
-  bool any = true;
-};
-
-Demand demand_of(JointType type) {
-  switch (type) {
-    case JointType::fixed:
-      return {Vec3::Ones(), Turn::all};
-    case JointType::revolute:
-      return {Vec3::Ones(), Turn::axis};
-    case JointType::spherical:
-      return {Vec3::Ones(), Turn::free};
-    case JointType::universal:
-      return {Vec3::Ones(), Turn::cross};
-    case JointType::cylindrical:
-      return {Vec3(1, 1, 0), Turn::axis};
-    case JointType::prismatic:
-      return {Vec3(1, 1, 0), Turn::all};
-    case JointType::planar:
-      return {Vec3(0, 0, 1), Turn::axis};
-    case JointType::point_on_line:
-    case JointType::in_line:
-      return {Vec3(1, 1, 0), Turn::free};
-    case JointType::screw:
-      return {Vec3(1, 1, 0), Turn::axis};
-    case JointType::constant_velocity:
-      return {Vec3::Ones(), Turn::free};
-    case JointType::parallel_axes:
-      return {Vec3::Zero(), Turn::axis};
-    case JointType::in_plane:
-      return {Vec3(0, 0, 1), Turn::free};
-    default:
-      return {Vec3::Zero(), Turn::free, false};
-  }
-}
+using Turn = JointHold::Turn;
 
 /// Axes of the frame that moves (m) beside those of the one that stays.
 Mat3 wanted_axes(Turn turn, const Mat3& m, const Mat3& stays, bool a_moves) {
@@ -88,11 +51,13 @@ struct Move {
   Mat3 axes;
 };
 
-Move move_of(const Demand& demand, const FrameMotion& a, const FrameMotion& b, bool a_moves) {
+Move move_of(const JointHold& demand, const FrameMotion& a, const FrameMotion& b, bool a_moves) {
   Move m;
   m.axes = a_moves ? wanted_axes(demand.turn, a.rot, b.rot, true) : wanted_axes(demand.turn, b.rot, a.rot, false);
   const Mat3& base = a_moves ? m.axes : a.rot;
-  const Vec3 held = base * demand.held.cwiseProduct(base.transpose() * (b.r - a.r));
+  const Vec3 held =
+      base *
+      Vec3(demand.x ? 1 : 0.0, demand.y ? 1 : 0.0, demand.z ? 1 : 0.0).cwiseProduct(base.transpose() * (b.r - a.r));
   m.distance = held.norm();
   m.angle = angle_of((a_moves ? a.rot : b.rot).transpose() * m.axes);
   m.target = a_moves ? Vec3(a.r + held) : Vec3(b.r - held);
@@ -165,7 +130,7 @@ class Holder {
   }
 
   std::vector<FramePtr> run(std::vector<std::string>& notices) {
-    const Demand demand = demand_of(joint_.type);
+    const JointHold& demand = joint_kind(joint_.type).hold;
     const bool fits_somewhere = demand.any || joint_.curve || joint_.surface;
     if (fits_somewhere && !joint_.pull && (flexible(0) || flexible(1))) hold(demand, notices);
     std::vector<FramePtr> result;
@@ -179,7 +144,7 @@ class Holder {
     return body != nullptr && body->flexible != nullptr ? body : nullptr;
   }
 
-  void hold(const Demand& demand, std::vector<std::string>& notices) {
+  void hold(const JointHold& demand, std::vector<std::string>& notices) {
     constexpr double kFits = 1e-9;  // of the body's size: round-off of its mesh
     double size = 0;
     for (const std::size_t k : {0, 1})

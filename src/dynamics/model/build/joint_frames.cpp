@@ -17,26 +17,9 @@ using Pair = std::pair<std::size_t, std::size_t>;
 
 /// Pairs of frames of which at least one must say where its axis points.
 std::vector<Pair> axes_of(JointType type) {
-  switch (type) {
-    case JointType::revolute:
-    case JointType::universal:
-    case JointType::cylindrical:
-    case JointType::prismatic:
-    case JointType::planar:
-    case JointType::point_on_line:
-    case JointType::revolute_spherical:
-    case JointType::rotation_motor:
-    case JointType::translation_motor:
-      return {{0, 1}};
-    case JointType::gear:
-    case JointType::rack_and_pinion:
-    case JointType::coupled_slides:
-      return {{0, 1}, {2, 3}};
-    default:
-      break;
-  }
-  const JointKind* kind = joint_kind(type);
-  return kind != nullptr && kind->axes == JointKind::Axes::one ? std::vector<Pair>{{0, 1}} : std::vector<Pair>{};
+  const JointKind& kind = joint_kind(type);
+  if (kind.axes != JointKind::Axes::one) return {};
+  return kind.frames == JointKind::Frames::four ? std::vector<Pair>{{0, 1}, {2, 3}} : std::vector<Pair>{{0, 1}};
 }
 
 std::vector<Pair> axes_of(ForceType type) {
@@ -71,22 +54,6 @@ void complete_axes(Spec& spec, const std::string& type, const FrameBuilder& fram
 /// Several nodes of a flexible body.
 bool is_set(const MarkerSpec& m) { return !m.face.empty() || m.bore.has_value() || m.by_nodes() || !m.edge.empty(); }
 
-/// Plane and wheel have axes of their own, which neither can take from the other.
-void check_rolling(const JointSpec& j) {
-  const bool wheel = j.type == JointType::rolling && j.rolling.directed(), skate = j.type == JointType::skate;
-  if (j.type != JointType::rolling && !skate) return;
-  if (!j.frames[0].axis_given)
-    throw std::invalid_argument(
-        "needs the plane: give axis = [x, y, z] in frame 'a', the normal towards what rolls (\"rolling\") or glides "
-        "(\"skate\") on it");
-  if (wheel && !j.frames[1].axis_given)
-    throw std::invalid_argument(
-        "needs the wheel's axle: give axis = [x, y, z] in frame 'b' (a ball: shape = \"ball\")");
-  if (skate && !j.frames[1].axis_given)
-    throw std::invalid_argument(
-        "needs the direction of the edge: give axis and x_axis = [x, y, z] in frame 'b'; it glides along x_axis");
-}
-
 std::string face_name(const MarkerSpec& m) {
   return fmt::format("{} of '{}'",
                      !m.face.empty()     ? fmt::format("face '{}'", m.face)
@@ -109,20 +76,7 @@ void check_both_axes(const JointSpec& j, const JointKind& kind) {
                                                        : "about which the worm turns"));
 }
 
-bool turns_frame(JointType type, std::size_t frame) {
-  if (const JointKind* kind = joint_kind(type)) return type != JointType::cable && (frame == 0 || kind->turns_b);
-  switch (type) {
-    case JointType::spherical:
-    case JointType::distance:
-    case JointType::prescribed:
-      return false;
-    case JointType::point_on_line:
-    case JointType::revolute_spherical:
-      return frame == 0;
-    default:
-      return true;
-  }
-}
+bool turns_frame(const JointKind& kind, std::size_t frame) { return frame == 0 ? kind.turns_a : kind.turns_b; }
 
 bool turns_frames(const ForceSpec& f) {
   if (f.type != ForceType::load) return f.type != ForceType::spring && f.type != ForceType::cable;
@@ -170,22 +124,20 @@ void check_attach(const MarkerSpec& m, const Mechanism& built) {
 JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Mechanism& built,
                     std::vector<std::string>& notices) {
   JointSpec out = joint;
+  const JointKind& kind = joint_kind(joint.type);
   bool face = false;
   for (MarkerSpec& m : out.frames) {
     m = frames.resolve(m);
     face = face || is_set(m);
     if (is_set(m)) decide(m, joint, built, notices);
-    if (turns_frame(joint.type, static_cast<std::size_t>(&m - out.frames.data()))) give_axes(m);
+    if (turns_frame(kind, static_cast<std::size_t>(&m - out.frames.data()))) give_axes(m);
     check_attach(m, built);
   }
   if (joint.attach != Attach::automatic && !face)
     throw std::invalid_argument("'attach' says how a face is held, and none of the joint's frames is one");
-  complete_axes(out, joint_type_names()[static_cast<std::size_t>(joint.type)], frames);
-  check_rolling(out);
-  if (const JointKind* kind = joint_kind(joint.type)) {
-    check_both_axes(out, *kind);
-    if (kind->complete != nullptr) kind->complete(out, frames);
-  }
+  complete_axes(out, kind.name, frames);
+  check_both_axes(out, kind);
+  if (kind.complete != nullptr) kind.complete(out, frames);
   return out;
 }
 

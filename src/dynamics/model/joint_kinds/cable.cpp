@@ -30,8 +30,13 @@ std::unique_ptr<CableForce> make_cable_force(const ForceSpec& f, const FrameBuil
   return std::make_unique<CableForce>(f.name, std::move(places), law);
 }
 
-const JointKind kCable = {
-    .type = JointType::cable, .read = read_cable_joint, .make = make_cable_joint, .turns_b = false};
+const JointKind kCable = {.type = JointType::cable,
+                          .name = "cable",
+                          .read = read_cable_joint,
+                          .make = make_cable_joint,
+                          .frames = JointKind::Frames::through,
+                          .turns_a = false,
+                          .turns_b = false};
 
 CableForce* Mechanism::cable(const std::string& name) const {
   for (CableForce* c : cables)

@@ -27,9 +27,13 @@ void take_up_turn(JointSpec& j, const FrameBuilder& frames) {
 
 }  // namespace
 
-const JointKind kConstantVelocity = {.type = JointType::constant_velocity,
-                                     .make = make_constant_velocity,
-                                     .axes = JointKind::Axes::one,
-                                     .complete = take_up_turn};
+const JointKind kConstantVelocity = {
+    .type = JointType::constant_velocity,
+    .name = "constant-velocity",
+    .make = make_constant_velocity,
+    .axes = JointKind::Axes::one,
+    .freedom = {.limits = true},
+    .hold = {.any = true, .x = true, .y = true, .z = true, .turn = JointHold::Turn::free},
+    .complete = take_up_turn};
 
 }  // namespace espalier::dynamics::model

@@ -2,8 +2,6 @@
 /// What limits and friction of a joint act on.
 #pragma once
 
-#include "dynamics/model/description.hpp"
-
 namespace espalier::dynamics::model {
 
 struct JointFreedom {
@@ -15,6 +13,4 @@ struct JointFreedom {
   bool whole_force = false;  ///< the force presses whatever direction it has
   [[nodiscard]] bool rubs() const { return turns || slides || surface; }
 };
-[[nodiscard]] JointFreedom joint_freedom(JointType type);
-
 }  // namespace espalier::dynamics::model

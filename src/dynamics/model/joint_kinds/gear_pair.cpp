@@ -72,10 +72,12 @@ PairCoordinate pitch_line(const JointSpec& j, const JointStart& start) {
 }
 
 const JointKind kGearPair = {.type = JointType::gear_pair,
+                             .name = "gear-pair",
                              .read = read_gear_pair,
                              .make = make_gear_pair,
                              .axes = JointKind::Axes::one,
                              .couples = true,
+                             .freedom = {.slides = true},
                              .complete = check_gear_pair};
 
 }  // namespace espalier::dynamics::model

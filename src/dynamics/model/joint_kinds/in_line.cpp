@@ -10,7 +10,12 @@ std::unique_ptr<Joint> make_in_line(const JointSpec& j, std::vector<FramePtr> f,
 }  // namespace
 
 /// The same as point-on-line, by the name that other programs give it.
-const JointKind kInLine = {
-    .type = JointType::in_line, .make = make_in_line, .axes = JointKind::Axes::one, .turns_b = false};
+const JointKind kInLine = {.type = JointType::in_line,
+                           .name = "in-line",
+                           .make = make_in_line,
+                           .axes = JointKind::Axes::one,
+                           .turns_b = false,
+                           .freedom = {.slides = true, .limits = true},
+                           .hold = {.any = true, .x = true, .y = true, .z = false, .turn = JointHold::Turn::free}};
 
 }  // namespace espalier::dynamics::model

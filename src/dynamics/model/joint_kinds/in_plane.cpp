@@ -9,7 +9,12 @@ std::unique_ptr<Joint> make_in_plane(const JointSpec& j, std::vector<FramePtr> f
 
 }  // namespace
 
-const JointKind kInPlane = {
-    .type = JointType::in_plane, .make = make_in_plane, .axes = JointKind::Axes::one, .turns_b = false};
+const JointKind kInPlane = {.type = JointType::in_plane,
+                            .name = "in-plane",
+                            .make = make_in_plane,
+                            .axes = JointKind::Axes::one,
+                            .turns_b = false,
+                            .freedom = {.surface = true},
+                            .hold = {.any = true, .x = false, .y = false, .z = true, .turn = JointHold::Turn::free}};
 
 }  // namespace espalier::dynamics::model

@@ -10,6 +10,11 @@ std::unique_ptr<Joint> make_parallel_axes(const JointSpec& j, std::vector<FrameP
 }  // namespace
 
 const JointKind kParallelAxes = {
-    .type = JointType::parallel_axes, .make = make_parallel_axes, .axes = JointKind::Axes::one};
+    .type = JointType::parallel_axes,
+    .name = "parallel-axes",
+    .make = make_parallel_axes,
+    .axes = JointKind::Axes::one,
+    .freedom = {.turns = true, .limits = true, .moments = true},
+    .hold = {.any = true, .x = false, .y = false, .z = false, .turn = JointHold::Turn::axis}};
 
 }  // namespace espalier::dynamics::model

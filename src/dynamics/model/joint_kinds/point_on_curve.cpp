@@ -51,7 +51,11 @@ std::unique_ptr<Joint> make_point_on_curve(const JointSpec& j, std::vector<Frame
 
 }  // namespace
 
-const JointKind kPointOnCurve = {
-    .type = JointType::point_on_curve, .read = read_point_on_curve, .make = make_point_on_curve, .turns_b = false};
+const JointKind kPointOnCurve = {.type = JointType::point_on_curve,
+                                 .name = "point-on-curve",
+                                 .read = read_point_on_curve,
+                                 .make = make_point_on_curve,
+                                 .turns_b = false,
+                                 .freedom = {.slides = true, .limits = true, .whole_force = true}};
 
 }  // namespace espalier::dynamics::model

@@ -68,8 +68,10 @@ std::unique_ptr<Joint> make_point_on_surface(const JointSpec& j, std::vector<Fra
 }  // namespace
 
 const JointKind kPointOnSurface = {.type = JointType::point_on_surface,
+                                   .name = "point-on-surface",
                                    .read = read_point_on_surface,
                                    .make = make_point_on_surface,
-                                   .turns_b = false};
+                                   .turns_b = false,
+                                   .freedom = {.surface = true, .whole_force = true}};
 
 }  // namespace espalier::dynamics::model

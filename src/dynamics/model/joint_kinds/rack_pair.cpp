@@ -38,10 +38,12 @@ std::unique_ptr<Joint> make_rack_pair(const JointSpec& j, std::vector<FramePtr> 
 }  // namespace
 
 const JointKind kRackPair = {.type = JointType::rack_pair,
+                             .name = "rack-pair",
                              .read = read_rack_pair,
                              .make = make_rack_pair,
                              .axes = JointKind::Axes::both,
                              .couples = true,
+                             .freedom = {.slides = true},
                              .complete = check_crossing};
 
 }  // namespace espalier::dynamics::model

@@ -14,7 +14,13 @@ std::unique_ptr<Joint> make_screw(const JointSpec& j, std::vector<FramePtr> f, c
 
 }  // namespace
 
-const JointKind kScrew = {
-    .type = JointType::screw, .read = read_screw, .make = make_screw, .axes = JointKind::Axes::one, .couples = true};
+const JointKind kScrew = {.type = JointType::screw,
+                          .name = "screw",
+                          .read = read_screw,
+                          .make = make_screw,
+                          .axes = JointKind::Axes::one,
+                          .couples = true,
+                          .freedom = {.turns = true, .slides = true, .limits = true, .moments = true},
+                          .hold = {.any = true, .x = true, .y = true, .z = false, .turn = JointHold::Turn::axis}};
 
 }  // namespace espalier::dynamics::model

@@ -33,10 +33,12 @@ std::unique_ptr<Joint> make_worm(const JointSpec& j, std::vector<FramePtr> f, co
 }  // namespace
 
 const JointKind kWorm = {.type = JointType::worm,
+                         .name = "worm",
                          .read = read_worm,
                          .make = make_worm,
                          .axes = JointKind::Axes::both,
                          .couples = true,
+                         .freedom = {.slides = true},
                          .complete = check_crossing};
 
 }  // namespace espalier::dynamics::model

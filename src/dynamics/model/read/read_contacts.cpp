@@ -6,7 +6,7 @@
 
 #include "dynamics/joints/space_curve.hpp"
 #include "dynamics/model/description.hpp"
-#include "dynamics/model/joint_kinds/freedom.hpp"
+#include "dynamics/model/joint_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -43,7 +43,7 @@ double lever(Section& s, const std::string& key) { return s.has(key) ? 1 / s.pos
 FrictionSpec read_friction(Section s, const JointSpec& joint) {
   FrictionSpec f;
   f.place = s.place();
-  const JointFreedom freedom = joint_freedom(joint.type);
+  const JointFreedom& freedom = joint_kind(joint.type).freedom;
   const bool turns = freedom.turns, slides = freedom.slides || freedom.surface;
   f.curve.dynamic_coefficient = not_negative(s, "coefficient", 0);
   f.curve.static_coefficient = not_negative(s, "static", f.curve.dynamic_coefficient);
@@ -70,46 +70,14 @@ FrictionSpec read_friction(Section s, const JointSpec& joint) {
 
 }  // namespace
 
-JointFreedom joint_freedom(JointType type) {
-  switch (type) {
-    case JointType::revolute:
-    case JointType::parallel_axes:
-      return {.turns = true, .limits = true, .moments = true};
-    case JointType::cylindrical:
-    case JointType::screw:
-      return {.turns = true, .slides = true, .limits = true, .moments = true};
-    case JointType::prismatic:
-      return {.slides = true, .limits = true, .moments = true};
-    case JointType::in_line:
-    case JointType::point_on_line:
-      return {.slides = true, .limits = true};
-    case JointType::point_on_curve:
-      return {.slides = true, .limits = true, .whole_force = true};
-    case JointType::in_plane:
-      return {.surface = true};
-    case JointType::point_on_surface:
-      return {.surface = true, .whole_force = true};
-    case JointType::worm:
-    case JointType::gear_pair:
-    case JointType::rack_pair:
-      return {.slides = true};
-    case JointType::constant_velocity:
-      return {.limits = true};
-    default:
-      return {};
-  }
-}
-
 void read_joint_contacts(Section& joint, JointSpec& out) {
-  const JointFreedom freedom = joint_freedom(out.type);
+  const JointFreedom& freedom = joint_kind(out.type).freedom;
   if (joint.has("limits") && !freedom.limits)
     fail(joint.place("limits"),
-         "only revolute, parallel-axes, prismatic, in-line, point-on-line, cylindrical, screw, point-on-curve and "
-         "constant-velocity joints have limits");
+         fmt::format("only {} joints have limits", joints_that([](const JointKind& k) { return k.freedom.limits; })));
   if (joint.has("friction") && !freedom.rubs())
     fail(joint.place("friction"),
-         "only revolute, parallel-axes, prismatic, in-line, point-on-line, cylindrical, screw, point-on-curve, "
-         "in-plane, point-on-surface, gear-pair, rack-pair and worm joints have friction");
+         fmt::format("only {} joints have friction", joints_that([](const JointKind& k) { return k.freedom.rubs(); })));
   const double length = out.curve && !out.curve->closed() ? out.curve->length() : 0;
   if (auto s = joint.table("limits")) (freedom.slides ? out.stop : out.angle_stop) = read_limits(*s, length);
   if (joint.has("angle_limits") && !(freedom.turns && freedom.slides))

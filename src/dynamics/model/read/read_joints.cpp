@@ -59,21 +59,6 @@ std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
   return frames;
 }
 
-RollingShape read_rolling(Section& s) {
-  RollingShape shape;
-  const bool ball = s.choice("shape", {"wheel", "ball"}, 0) == 1;
-  (ball ? shape.rim : shape.radius) = s.positive("radius");
-  if (ball && s.has("rim")) fail(s.place("rim"), "a ball has no rim; its radius says all");
-  if (!ball && s.has("rim")) {
-    shape.rim = s.positive("rim");
-    shape.radius -= shape.rim;
-    if (!(shape.radius > 0))
-      fail(s.place("rim"),
-           "must be less than 'radius', which reaches to the outside of the tyre; take shape = \"ball\"");
-  }
-  return shape;
-}
-
 /// The ends of a cable, and the rings between them in their order.
 std::vector<MarkerSpec> read_through(Section& s) {
   const Value* list = s.value("through");
@@ -94,44 +79,13 @@ JointSpec read_joint(const std::string& name, const Value& value, Description& m
   JointSpec j;
   j.place = value.place;
   j.name = name;
-  j.type = static_cast<JointType>(s.choice("type", joint_type_names()));
-  const bool four =
-      j.type == JointType::gear || j.type == JointType::rack_and_pinion || j.type == JointType::coupled_slides;
-  j.frames = j.type == JointType::cable ? read_through(s) : read_frames(s, four ? 4 : 2);
+  const JointKind& kind = s.row("type", kJointKinds);
+  j.type = kind.type;
+  j.frames = kind.frames == JointKind::Frames::through ? read_through(s)
+                                                       : read_frames(s, kind.frames == JointKind::Frames::four ? 4 : 2);
   j.pull = s.flag("pull", false);
   j.attach = read_attach(s);
-  switch (j.type) {
-    case JointType::distance:
-    case JointType::revolute_spherical:
-      j.parameter = read_measure(s, "length", j.measured);
-      if (!j.measured && !(j.parameter > 0))
-        fail(s.place("length"), "must be greater than 0; for 0 take a spherical joint");
-      break;
-    case JointType::gear:
-    case JointType::coupled_slides:
-      j.parameter = s.number("ratio");
-      break;
-    case JointType::rack_and_pinion:
-      j.parameter = s.number("radius");
-      break;
-    case JointType::rolling:
-      j.rolling = read_rolling(s);
-      break;
-    case JointType::skate:
-      j.rolling.edge = true;
-      break;
-    case JointType::prescribed:
-      j.axis = s.choice("direction", {"x", "y", "z"});
-      [[fallthrough]];
-    case JointType::rotation_motor:
-    case JointType::translation_motor:
-      j.function = s.function("motion");
-      j.relative = s.choice("from", {"zero", "initial"}, 0) == 1;
-      break;
-    default:
-      if (const JointKind* kind = joint_kind(j.type); kind != nullptr && kind->read != nullptr) kind->read(s, j, model);
-      break;
-  }
+  if (kind.read != nullptr) kind.read(s, j, model);
   j.active = s.flag("active", true);
   read_joint_contacts(s, j);
   s.finish();
@@ -279,39 +233,6 @@ double read_measure(Section& s, const std::string& key, bool& measured) {
   const Value* value = s.value(key);
   measured = value == nullptr || (value->type == Value::Type::text && value->text == "initial");
   return measured ? 0.0 : s.number(key);
-}
-
-const std::vector<std::string>& joint_type_names() {
-  static const std::vector<std::string> names = {"fixed",
-                                                 "revolute",
-                                                 "spherical",
-                                                 "universal",
-                                                 "cylindrical",
-                                                 "prismatic",
-                                                 "planar",
-                                                 "point-on-line",
-                                                 "distance",
-                                                 "revolute-spherical",
-                                                 "rotation-motor",
-                                                 "translation-motor",
-                                                 "prescribed",
-                                                 "gear",
-                                                 "rack-and-pinion",
-                                                 "coupled-slides",
-                                                 "rolling",
-                                                 "skate",
-                                                 "screw",
-                                                 "constant-velocity",
-                                                 "parallel-axes",
-                                                 "in-plane",
-                                                 "in-line",
-                                                 "point-on-curve",
-                                                 "point-on-surface",
-                                                 "gear-pair",
-                                                 "rack-pair",
-                                                 "worm",
-                                                 "cable"};
-  return names;
 }
 
 const std::vector<std::string>& force_type_names() {

@@ -47,6 +47,13 @@ class Section {
     for (const Row& r : rows) names.emplace_back(r.name);
     return rows[choice(key, names, first ? 0 : -1)];
   }
+  /// The same of rows that stand elsewhere.
+  template <class Row, std::size_t n>
+  [[nodiscard]] const Row& row(const std::string& key, const Row* const (&rows)[n]) {
+    std::vector<std::string> names;
+    for (const Row* r : rows) names.emplace_back(r->name);
+    return *rows[choice(key, names)];
+  }
   [[nodiscard]] std::vector<std::string> texts(const std::string& key);
   [[nodiscard]] std::vector<double> numbers(const std::string& key);
   [[nodiscard]] Vec3 vector(const std::string& key);

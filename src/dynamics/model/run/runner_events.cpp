@@ -64,10 +64,7 @@ void Runner::act(const EventSpec& event, const std::vector<double>& settings, Ch
 // Motors and distances that count from "initial", and couplings, begin with what they find.
 void Runner::begin_joint(const std::string& name) {
   for (const JointSpec& spec : model_.joints) {
-    const JointKind* kind = joint_kind(spec.type);
-    const bool coupling =
-        spec.type == JointType::gear || spec.type == JointType::rack_and_pinion || (kind != nullptr && kind->couples);
-    if (spec.name == name && (spec.relative || spec.measured || coupling))
+    if (spec.name == name && (spec.relative || spec.measured || joint_kind(spec.type).couples))
       mechanism_->joint(name)->hold_here(time(), current().q);
   }
 }
