@@ -11,7 +11,7 @@ ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDERS = ["apps", "bench", "hosts", "include", "python", "src", "tests"]
 CODE = (".c", ".cpp", ".cu", ".cuh", ".h", ".hpp", ".py")
 
-VAGUE = re.compile(r"\b(?:see|take_up|put|look|there)(?:\((?![^()]*char)| = \[)")
+VAGUE = re.compile(r"\b(?:see|take_up|put|look|there)(?:<[\w:]+>)?(?:\((?![^()]*char)| = \[)")
 NO_NOUN = re.compile(r"^\s*(?://+<?|/\*\*?<?|\*|#)\s*(?:Of|Those of|Likewise)\b")
 TYPE = re.compile(r"^\s*(?:struct|class|enum class|enum)\s+(?:\[\[\w+\]\]\s*)?(\w*?(Part|Range|Lane|Link|Search|Workshop|Shape|Unit)s?)\b(?!.*;)")
 # What has a word in the one meaning of docs/design/words.md. Ranges are intervals everywhere.

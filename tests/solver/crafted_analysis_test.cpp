@@ -129,12 +129,12 @@ class Attacker {
     File::Array& first = f.arrays[kFirst];
     if (first.size() < 3) return;
     const std::size_t i = 1 + pick(first.size() - 2);
-    put<std::int32_t>(first, i, get<std::int32_t>(first, i) + (pick(2) == 0 ? 1 : -1));
+    store_value<std::int32_t>(first, i, get<std::int32_t>(first, i) + (pick(2) == 0 ? 1 : -1));
   }
   void set_scale(File::Array& a, std::size_t i) {
     const double extremes[] = {0, -1, 5e-324, 1e-310, 1e-200, 1e200, 1.7e308, INFINITY, NAN};
     const double old = get<double>(a, i);
-    put<double>(a, i, pick(2) == 0 ? extremes[pick(9)] : std::ldexp(old, static_cast<int>(pick(200)) - 100));
+    store_value<double>(a, i, pick(2) == 0 ? extremes[pick(9)] : std::ldexp(old, static_cast<int>(pick(200)) - 100));
   }
   void set(File::Array& a, std::size_t i) {
     if (i >= a.size()) return;
@@ -145,11 +145,11 @@ class Attacker {
     const auto near = static_cast<std::int64_t>(pick(5)) - 2;
     if (a.width == 4) {
       const std::int64_t old = get<std::int32_t>(a, i);
-      put<std::int32_t>(a, i, static_cast<std::int32_t>(pick(2) == 0 ? wild[pick(12)] : old + near));
+      store_value<std::int32_t>(a, i, static_cast<std::int32_t>(pick(2) == 0 ? wild[pick(12)] : old + near));
     } else {
       const auto old = static_cast<std::uint64_t>(get<std::int64_t>(a, i));
       const auto step = static_cast<std::uint64_t>(pick(2) == 0 ? wild[pick(12)] : near);
-      put<std::int64_t>(a, i, static_cast<std::int64_t>(old + step));
+      store_value<std::int64_t>(a, i, static_cast<std::int64_t>(old + step));
     }
   }
   template <class T>
@@ -159,7 +159,7 @@ class Attacker {
     return v;
   }
   template <class T>
-  void set(File::Array& a, std::size_t i, T v) {
+  void store_value(File::Array& a, std::size_t i, T v) {
     std::memcpy(&a.data[i * sizeof(T)], &v, sizeof v);
   }
 
