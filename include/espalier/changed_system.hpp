@@ -3,10 +3,12 @@
 /// factor that is there.
 #pragma once
 
+#include <complex>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "espalier/complex_solver.hpp"
 #include "espalier/solve_rows.hpp"
 #include "espalier/solver.hpp"
 
@@ -53,36 +55,45 @@ struct ChangedSolveResult : SolveResult {
 /// Unknowns keep their numbers whatever comes and goes: 0 to n - 1 are those of A, added ones follow in the order in
 /// which they came. The Solver must outlive this object and keep its factor: once it is factorized again, calls throw
 /// std::logic_error until reset(). Not safe for concurrent calls, nor beside calls on the Solver.
-class ChangedSystem {
+///
+/// Complex numbers: all the same. What "symmetric" means is said by what the solver holds (hermitian()): where that is
+/// a Hermitian matrix (kinds llt and ldlt), rows that are left out are the conjugates of the columns, and V of low rank
+/// that of U; V^T is no conjugate anywhere. The inertia is that of Hermitian systems. Vectors are on the host, wherever
+/// the factor is.
+/// @tparam Value  double or std::complex<double>
+template <class Value>
+class ChangedSystemOf {
  public:
-  /// @param by_rows  the solver holds A^T: changes and solutions are of A all the same, and solves with the transpose
-  /// are
-  ///                 the shorter ones
+  /// @param by_rows  the solver holds A^T, which of a Hermitian matrix is its conjugate: changes and solutions are of A
+  ///                 all the same, and solves with the transpose are the shorter ones
   /// @throws std::logic_error where `solver` has no factor, or ranks share it
-  explicit ChangedSystem(Solver& solver, bool by_rows = false);
-  ~ChangedSystem();
-  ChangedSystem(ChangedSystem&&) noexcept;
-  ChangedSystem& operator=(ChangedSystem&&) noexcept;
+  explicit ChangedSystemOf(SolverOf<Value>& solver, bool by_rows = false);
+  ~ChangedSystemOf();
+  ChangedSystemOf(ChangedSystemOf&&) noexcept;
+  ChangedSystemOf& operator=(ChangedSystemOf&&) noexcept;
 
   /// Adds `count` unknowns and equations.
   /// @param columns  count * n, one column after another: how the equations of A depend on the new unknowns
-  /// @param rows     likewise how the new equations depend on the unknowns of A; empty: as `columns` (symmetric)
+  /// @param rows     likewise how the new equations depend on the unknowns of A; empty: as `columns` (symmetric), or
+  ///                 their conjugates (Hermitian)
   /// @param corner   count * count, column by column, among the new ones; empty: zeros. Between those of different
   ///                 calls there are zeros
   /// @throws std::invalid_argument for arrays of other sizes, here and below. Status invalid_input for numbers that are
   ///         not finite and indices out of range, which it names; nothing has changed then
-  Status add(std::span<const double> columns, Index count, std::span<const double> rows = {},
-             std::span<const double> corner = {});
+  Status add(std::span<const Value> columns, Index count, std::span<const Value> rows = {},
+             std::span<const Value> corner = {});
   /// The same by their entries, which may stand in any of the size() unknowns that are there.
-  /// @param rows  the equations, each as a column of entries; without columns: as `columns`
-  Status add(const SparseColumns& columns, const SparseColumns& rows = {}, std::span<const double> corner = {});
+  /// @param rows  the equations, each as a column of entries; without columns: as above
+  Status add(const SparseColumnsOf<Value>& columns, const SparseColumnsOf<Value>& rows = {},
+             std::span<const Value> corner = {});
   /// Gives unknowns another column and another row, in all equations and unknowns that are there. What was said of
   /// them before, changes of low rank too, holds no more.
   /// @param unknowns  none that is removed
   /// @param columns   one for each, entries of unknowns 0 to size() - 1, the diagonal entry among them; of what stands
   ///                  between two of the list the later one decides
-  /// @param rows      likewise, without the diagonal entry; without columns: as `columns`
-  Status replace(std::span<const Index> unknowns, const SparseColumns& columns, const SparseColumns& rows = {});
+  /// @param rows      likewise, without the diagonal entry; without columns: as above
+  Status replace(std::span<const Index> unknowns, const SparseColumnsOf<Value>& columns,
+                 const SparseColumnsOf<Value>& rows = {});
   /// Removes unknowns, of A or added, with the equations of the same number.
   /// Status invalid_input for numbers out of range, twice in the list, or of what is removed already.
   Status remove(std::span<const Index> unknowns);
@@ -91,13 +102,14 @@ class ChangedSystem {
   /// Removes those that are there, restores those that are removed: an active set of bounds that changes.
   Status flip(std::span<const Index> unknowns);
   /// A + U C V^T, on top of what was added before.
-  /// @param u, v  rank * n, column by column; v empty: u (symmetric)
+  /// @param u, v  rank * n, column by column; v empty: u (symmetric), or its conjugate (Hermitian)
   /// @param c     rank * rank, column by column; empty: the identity
-  Status add_low_rank(std::span<const double> u, Index rank, std::span<const double> c = {},
-                      std::span<const double> v = {});
+  Status add_low_rank(std::span<const Value> u, Index rank, std::span<const Value> c = {},
+                      std::span<const Value> v = {});
   /// The same by entries. A column of A becomes another one by u = the new one less the old one, v = the unit vector.
   /// @param u, v  entries of unknowns 0 to n - 1
-  Status add_low_rank(const SparseColumns& u, std::span<const double> c = {}, const SparseColumns& v = {});
+  Status add_low_rank(const SparseColumnsOf<Value>& u, std::span<const Value> c = {},
+                      const SparseColumnsOf<Value>& v = {});
   /// Forgets all changes, and takes the factor that the Solver has now.
   void reset();
   /// The same where the solver's matrix has come in another layout since.
@@ -113,23 +125,32 @@ class ChangedSystem {
   /// Whether prepare() and solve() do so by themselves; they do at first.
   void set_folding(bool automatic);
 
+  /// Whether what is left out is the conjugate.
+  [[nodiscard]] bool hermitian() const;
   [[nodiscard]] Index size() const;     ///< unknowns: n and all that were added, removed ones among them
   [[nodiscard]] Index changes() const;  ///< rows that S has, or will have after the next prepare() without folding
   [[nodiscard]] bool removed(Index unknown) const;  ///< @throws std::out_of_range
   [[nodiscard]] ChangeCost cost() const;
-  /// Solves for `columns` right-hand sides of size() values, with the changed matrix or with its transpose, which takes
-  /// two solves with A^T where it is another one. What b says of removed equations is not read; removed unknowns are 0.
-  /// x may be b. `backward_error` is normwise, of the changed system, over its norm, or a lower bound where changes
-  /// touch more than 4096 rows, so that it is never too small; `componentwise_error` is NaN. Status as prepare().
-  ChangedSolveResult solve(std::span<const double> b, std::span<double> x, Index columns = 1,
+  /// Solves for `columns` right-hand sides of size() values, with the changed matrix, its transpose, or its conjugate
+  /// transpose. Those take two solves with A^T where they are not the matrix itself or its conjugate. What b says of
+  /// removed equations is not read; removed unknowns are 0. x may be b. `backward_error` is normwise, of the changed
+  /// system, over its norm, or a lower bound where changes touch more than 4096 rows, so that it is never too small;
+  /// `componentwise_error` is NaN. Status as prepare().
+  ChangedSolveResult solve(std::span<const Value> b, std::span<Value> x, Index columns = 1,
                            Transpose transpose = Transpose::no);
   /// The inertia of the changed matrix without its removed rows and columns, by Haynsworth's theorem; -1 where A or a
-  /// change is not symmetric. Makes columns as prepare() does. @throws Error where the device or memory fails
+  /// change is not symmetric (complex: not Hermitian). Makes columns as prepare() does. @throws Error where the device
+  /// or memory fails
   [[nodiscard]] Inertia inertia() const;
 
  private:
   struct Impl;
   std::unique_ptr<Impl> impl_;
 };
+
+extern template class ChangedSystemOf<double>;
+extern template class ChangedSystemOf<std::complex<double>>;
+using ChangedSystem = ChangedSystemOf<double>;
+using ComplexChangedSystem = ChangedSystemOf<std::complex<double>>;
 
 }  // namespace espalier

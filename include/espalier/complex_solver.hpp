@@ -56,6 +56,9 @@ class ComplexSolver {
 
   /// A Hermitian matrix whose diagonal is not real is refused, with its row.
   AnalysisResult analyze(const ComplexMatrixView& a);
+  /// See Solver. What is Hermitian, or symmetric, and is not any more, is analyzed anew. Of a real form (GPUs) the
+  /// numbers of fronts are not kept. @pre state() != empty
+  ChangeResult analyze_change(const ComplexMatrixView& a);
   /// See Solver, for these and the two below.
   AnalysisResult analyze(const ComplexLocalRows& part);
   AnalysisResult analyze(const ComplexLocalEntries& part);

@@ -414,7 +414,8 @@ int espalier_load_analysis_i64(espalier_solver* solver, const char* path, const 
 
 /**
  * Analyses a pattern that differs from the analysed one here and there, in a small part of the time of an analysis; see
- * Solver::analyze_change() in solver.hpp. Where the matrix is refused, analysis and factor are as before.
+ * Solver::analyze_change() in solver.hpp; real or complex, as the analysed one. Where the matrix is refused, analysis
+ * and factor are as before.
  * @param anew  1: all was ordered anew, 0: it was not; NULL: not wanted
  */
 int espalier_analyze_change_i32(espalier_solver* solver, const espalier_matrix_i32* a, int32_t* anew,
@@ -424,7 +425,9 @@ int espalier_analyze_change_i64(espalier_solver* solver, const espalier_matrix_i
 
 /** Rows and columns that come and go around the factor of a solver, see changed_system.hpp. Indices are from 0. Why a
  * call failed is said by the solver (espalier_last_error), under whose lock all calls are. End it before the solver,
- * and make it anew, or reset it, when that has factorized again. Real matrices. */
+ * and make it anew, or reset it, when that has factorized again. Around complex matrices each number is two doubles, in
+ * arrays, columns and corners; counts are of numbers. What is left out there is the conjugate where the solver has
+ * taken the matrix as a Hermitian one. */
 typedef struct espalier_changed espalier_changed;
 int espalier_changed_create(espalier_solver* solver, espalier_changed** changed);
 void espalier_changed_destroy(espalier_changed* changed);
@@ -455,7 +458,7 @@ int espalier_changed_size(espalier_changed* changed, int64_t* size);
  * @param transpose  espalier_transpose, of the changed matrix */
 int espalier_changed_solve(espalier_changed* changed, const double* b, double* x, int64_t count, int64_t columns,
                            int transpose, espalier_solve_info* info);
-/** Eigenvalues above, below and at zero; -1 where something is not symmetric. */
+/** Eigenvalues above, below and at zero; -1 where something is not symmetric (complex: not Hermitian). */
 int espalier_changed_inertia(espalier_changed* changed, int64_t inertia[3]);
 /** Operations and seconds, see ChangeCost. */
 typedef struct espalier_change_cost {

@@ -5,7 +5,9 @@
 #include <nanobind/stl/vector.h>
 
 #include <memory>
+#include <type_traits>
 #include <utility>
+#include <variant>
 
 #include "arrays.hpp"
 #include "bindings.hpp"
@@ -205,75 +207,109 @@ class BatchHandle {
 };
 
 /// Goes through the handle of the solver, whose turn a call takes, and which may have got another solver meanwhile.
+/// Complex numbers are pairs of doubles.
 class ChangedHandle {
+  template <class Body>
+  auto with_changes(Body&& body) {
+    if (auto* complex = std::get_if<ComplexChangedSystem>(&changed_)) return body(*complex);
+    return body(std::get<ChangedSystem>(changed_));
+  }
+
  public:
   explicit ChangedHandle(SolverHandle& solver) : solver_(solver), generation_(solver.generation()) {
-    solver_.with_solver(generation_,
-                        [&](Solver& s) { changed_ = std::make_unique<ChangedSystem>(s, solver_.transposed()); });
+    solver_.with_solver(generation_, [&](auto& s) {
+      if constexpr (std::is_same_v<decltype(s), ComplexSolver&>)
+        changed_.emplace<ComplexChangedSystem>(s, solver_.by_rows());
+      else
+        changed_.emplace<ChangedSystem>(s, solver_.transposed());
+    });
   }
   nb::tuple add(const Pointers& p, const Indices& i, const Values& v, const Pointers& rp, const Indices& ri,
                 const Values& rv, const Values& corner) {
-    return status([&] { return changed_->add(entries_of(p, i, v), entries_of(rp, ri, rv), span_of(corner)); });
+    return status(
+        [&](auto& c) { return c.add(entries_of(c, p, i, v), entries_of(c, rp, ri, rv), numbers(c, corner)); });
   }
   nb::tuple replace(const Indices& list, const Pointers& p, const Indices& i, const Values& v, const Pointers& rp,
                     const Indices& ri, const Values& rv) {
-    return status([&] {
-      return changed_->replace({list.data(), list.size()}, entries_of(p, i, v), entries_of(rp, ri, rv));
+    return status([&](auto& c) {
+      return c.replace({list.data(), list.size()}, entries_of(c, p, i, v), entries_of(c, rp, ri, rv));
     });
   }
-  nb::tuple add_low_rank(const Pointers& p, const Indices& i, const Values& v, const Values& c, const Pointers& vp,
+  nb::tuple add_low_rank(const Pointers& p, const Indices& i, const Values& v, const Values& core, const Pointers& vp,
                          const Indices& vi, const Values& vv) {
-    return status([&] { return changed_->add_low_rank(entries_of(p, i, v), span_of(c), entries_of(vp, vi, vv)); });
+    return status(
+        [&](auto& c) { return c.add_low_rank(entries_of(c, p, i, v), numbers(c, core), entries_of(c, vp, vi, vv)); });
   }
   nb::tuple flip(const Indices& list) {
-    return status([&] { return changed_->flip({list.data(), list.size()}); });
+    return status([&](auto& c) { return c.flip({list.data(), list.size()}); });
   }
   nb::tuple prepare() {
-    return status([&] { return changed_->prepare(); });
+    return status([](auto& c) { return c.prepare(); });
   }
   nb::tuple fold() {
-    return status([&] { return changed_->fold(); });
+    return status([](auto& c) { return c.fold(); });
   }
-  void set_folding(bool automatic) { changed_->set_folding(automatic); }
-  [[nodiscard]] nb::tuple cost() const {
-    const ChangeCost c = changed_->cost();
+  void set_folding(bool automatic) {
+    with_changes([&](auto& c) { c.set_folding(automatic); });
+  }
+  [[nodiscard]] nb::tuple cost() {
+    const ChangeCost c = with_changes([](auto& changed) { return changed.cost(); });
     return nb::make_tuple(c.changes, c.factorization, c.columns, c.factorizations, c.column_seconds,
                           c.factorization_seconds);
   }
   nb::tuple remove(const Indices& list) {
-    return status([&] { return changed_->remove({list.data(), list.size()}); });
+    return status([&](auto& c) { return c.remove({list.data(), list.size()}); });
   }
   nb::tuple restore(const Indices& list) {
-    return status([&] { return changed_->restore({list.data(), list.size()}); });
+    return status([&](auto& c) { return c.restore({list.data(), list.size()}); });
   }
-  nb::tuple solve(const Values& b, Index columns, bool transpose) {
+  nb::tuple solve(const Values& b, Index columns, int transpose) {
     std::vector<double> x(b.size());
     ChangedSolveResult r;
-    const Transpose how = transpose ? Transpose::yes : Transpose::no;
-    solver_.with_solver(generation_, [&](Solver&) { r = changed_->solve(span_of(b), x, columns, how); });
+    call([&](auto& c) {
+      const auto given = numbers(c, b);
+      using Number = typename decltype(given)::value_type;
+      r = c.solve(given, {reinterpret_cast<Number*>(x.data()), given.size()}, columns,
+                  static_cast<Transpose>(transpose));
+    });
     return solved(
         r, array_of(std::move(x), {static_cast<std::size_t>(columns), b.size() / static_cast<std::size_t>(columns)}));
   }
   nb::tuple inertia() {
     Inertia i;
-    solver_.with_solver(generation_, [&](Solver&) { i = changed_->inertia(); });
+    call([&](auto& c) { i = c.inertia(); });
     return inertia_of(i);
   }
-  [[nodiscard]] Index size() const { return changed_->size(); }
+  [[nodiscard]] Index size() {
+    return with_changes([](auto& c) { return c.size(); });
+  }
+  [[nodiscard]] bool hermitian() {
+    return with_changes([](auto& c) { return c.hermitian(); });
+  }
 
  private:
-  static SparseColumns entries_of(const Pointers& p, const Indices& i, const Values& v) {
-    return {{p.data(), p.size()}, {i.data(), i.size()}, {v.data(), v.size()}};
+  template <class T>
+  static std::span<const T> numbers(const ChangedSystemOf<T>&, const Values& v) {
+    return {reinterpret_cast<const T*>(v.data()), v.size() * sizeof(double) / sizeof(T)};
+  }
+  template <class T>
+  static SparseColumnsOf<T> entries_of(const ChangedSystemOf<T>& c, const Pointers& p, const Indices& i,
+                                       const Values& v) {
+    return {{p.data(), p.size()}, {i.data(), i.size()}, numbers(c, v)};
+  }
+  template <class Body>
+  void call(Body&& body) {
+    solver_.with_solver(generation_, [&](auto&) { with_changes(body); });
   }
   template <class Body>
   nb::tuple status(Body&& body) {
     Status s;
-    solver_.with_solver(generation_, [&](Solver&) { s = body(); });
+    call([&](auto& c) { s = body(c); });
     return status_of(s);
   }
   SolverHandle& solver_;
   std::uint64_t generation_;
-  std::unique_ptr<ChangedSystem> changed_;
+  std::variant<std::monostate, ChangedSystem, ComplexChangedSystem> changed_;
 };
 
 }  // namespace
@@ -312,6 +348,7 @@ void bind_changes(nb::module_& m) {
       .def("restore", &ChangedHandle::restore, array("unknowns"))
       .def("solve", &ChangedHandle::solve, array("b"), "columns"_a, "transpose"_a)
       .def("inertia", &ChangedHandle::inertia)
+      .def_prop_ro("hermitian", &ChangedHandle::hermitian)
       .def_prop_ro("size", &ChangedHandle::size);
 }
 

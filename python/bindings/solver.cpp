@@ -133,13 +133,14 @@ void bind_solver(nb::module_& m) {
       .def(
           "analyze_change",
           [](SolverHandle& s, const Pointers& p, const Indices& i, const std::optional<Values>& v, bool by_rows,
-             int storage) {
-            const ChangeResult r = s.analyze_change(p, i, v, shape_of(p, by_rows, storage, false));
+             int storage, bool complex) {
+            const ChangeResult r = s.analyze_change(p, i, v, shape_of(p, by_rows, storage, complex));
             return nb::make_tuple(status_of(r.analysis.status), fields(r.analysis),
                                   nb::make_tuple(r.full, r.why, r.added_entries, r.removed_entries, r.moved_unknowns,
                                                  r.kept_fronts, r.reordered, r.entries_of_order));
           },
-          array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a)
+          array("pointers"), array("indices"), nb::arg("values").noconvert().none(), "by_rows"_a, "storage"_a,
+          "complex"_a)
       .def(
           "load_analysis",
           [](SolverHandle& s, const std::string& path, const Pointers& p, const Indices& i,

@@ -142,10 +142,10 @@ AnalysisResult SolverHandle::analyze(const Pointers& pointers, const Indices& in
 
 ChangeResult SolverHandle::analyze_change(const Pointers& pointers, const Indices& indices,
                                           const std::optional<Values>& values, const Shape& shape) {
-  const MatrixView view = view_of(pointers, indices, values ? &*values : nullptr, shape);
   return call([&] {
-    Solver& s = analyzed();
-    ChangeResult change = s.analyze_change(view);
+    ChangeResult change = with_analyzed([&](auto& s) {
+      return s.analyze_change(matrix_for(s, pointers, indices, values ? &*values : nullptr, shape));
+    });
     if (!change.analysis.status.ok()) return change;  // the solver is as it was
     by_rows_ = shape.by_rows;
     transposed_ = shape.by_rows && shape.storage == Storage::general;
@@ -166,9 +166,7 @@ AnalysisResult SolverHandle::load_analysis(const std::string& path, const Pointe
 }
 
 Solver& SolverHandle::analyzed() {
-  if (complex_solver_)
-    throw Error(StatusCode::invalid_input,
-                "the system is complex: it takes no arrays on a device, and a pattern that changes is analyzed anew");
+  if (complex_solver_) throw Error(StatusCode::invalid_input, "the system is complex: it takes no arrays on a device");
   return *with_analyzed([&](auto&) { return &*solver_; });
 }
 

@@ -138,11 +138,14 @@ class SolverHandle {
   template <class Body>
   void with_solver(std::uint64_t generation, Body&& body) {
     (void)turns_.call([&] {
-      if (closed_ || generation != generation_ || !solver_)
+      if (closed_ || generation != generation_ || !(solver_ || complex_solver_))
         throw std::logic_error(
             "the solver has been closed, or has begun anew with another matrix: call reset() and make the changes "
             "anew");
-      body(*solver_);
+      if (complex_solver_)
+        body(*complex_solver_);
+      else
+        body(*solver_);
       return true;
     });
   }

@@ -39,11 +39,11 @@ def _by_columns(A: Any, symmetry: str) -> "tuple[Any, Any, Any, int, Any]":
     return columns, rows[order], np.ascontiguousarray(values[order]), storage, order
 
 
-def _columns(b: Any, rows: int, what: str) -> "tuple[Any, int, bool]":
+def _columns(b: Any, rows: int, what: str, dtype: str = "float64") -> "tuple[Any, int, bool]":
     """`b` of shape (rows,) or (rows, k) as one vector, column by column; k; whether it is a vector already."""
     import numpy as np
 
-    b = _numbers(b, what)
+    b = _numbers(b, what, dtype == "complex128").astype(dtype, copy=False)
     if b.ndim not in (1, 2) or b.shape[0] != rows or b.size == 0:
         raise ValueError(f"{what} of shape {b.shape}: give ({rows},) or ({rows}, k)")
     return np.ascontiguousarray(b.T).reshape(-1), 1 if b.ndim == 1 else b.shape[1], b.ndim == 1

@@ -173,13 +173,16 @@ class Solver(Solutions, SelectedInverse, Inverse):
         arrays = self._taken(A)[0]
         if self.analysis is None:
             raise RuntimeError("there is no analysis: call analyze(A) or factorize(A) first")
-        if self._complex or (arrays[2] is not None and arrays[2].dtype.kind == "c"):
-            raise TypeError("the pattern of a complex system is analyzed anew: call analyze(A)")
+        values, storage = arrays[2], self._storage_of(self._complex)
+        if values is not None and self._complex:
+            values = values.astype("complex128", copy=False)
+        if values is not None and values.dtype.kind == "c" and not self._complex:
+            raise TypeError("complex values for a system that was analyzed as a real one: call analyze(A)")
         with self._watch(f"analyzing {len(arrays[0]) - 1} unknowns"):
-            status, found, change = self._core.analyze_change(*arrays, self._storage_of(False))
+            status, found, change = self._core.analyze_change(*arrays[:2], _floats(values), arrays[3], storage, self._complex)
         if status[0]:
             raise _matrix_error(status, arrays[3], "")  # what was there still is
-        self.factor, self._storage = None, self._storage_of(False)
+        self.factor, self._storage = None, storage
         self._n, self._by_rows, self._pattern = len(arrays[0]) - 1, arrays[3], arrays[:2]
         self.analysis = Analysis(*found)
         return Change(self.analysis, *change)

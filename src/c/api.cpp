@@ -83,6 +83,16 @@ const espalier::ComplexMatrixView& view_for(const espalier::ComplexSolver&, cons
   return m.complex_view();
 }
 
+/// Takes note of the matrix that was analysed.
+void note_layout(espalier_solver& s, const espalier::solver::CMatrix& matrix) {
+  s.rows = s.vector_rows = matrix.view().rows;
+  s.nonzeros = matrix.view().nonzeros();
+  s.transposed = matrix.transposed();
+  s.by_rows = matrix.by_rows();
+  s.conjugated = matrix.complex() && matrix.by_rows() && matrix.complex_view().hermitian();
+  s.null_space = {};
+}
+
 /// Analysis of a new pattern by `analyze(solver, view)`.
 template <class Matrix, class Analyze>
 int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info* info, const Analyze& analyze) {
@@ -92,12 +102,7 @@ int analyze_by(espalier_solver* solver, const Matrix* a, espalier_analysis_info*
     const espalier::solver::CMatrix matrix(*a, false);
     const auto result = matrix.complex() ? analyze(make_complex_solver(s), matrix.complex_view())
                                          : analyze(make_solver(s), matrix.view());
-    s.rows = s.vector_rows = matrix.view().rows;
-    s.nonzeros = matrix.view().nonzeros();
-    s.transposed = matrix.transposed();
-    s.by_rows = matrix.by_rows();
-    s.conjugated = matrix.complex() && matrix.by_rows() && matrix.complex_view().hermitian();
-    s.null_space = {};
+    note_layout(s, matrix);
     hand_out(result, info);
     return to_caller(s, result.status, result.kind);
   });
@@ -113,19 +118,15 @@ template <class Matrix>
 int analyze_change(espalier_solver* solver, const Matrix* a, std::int32_t* anew, espalier_analysis_info* info) {
   return guarded(solver, [&](espalier_solver& s) {
     require(a != nullptr, "the matrix is null");
-    require(!s.complex_solver, "a complex system is analyzed anew where its pattern changes: call espalier_analyze");
-    require(s.solver && s.solver->state() != espalier::Solver::State::empty, "call espalier_analyze first");
-    espalier::Solver& cpp = *s.solver;
+    const auto state = s.complex_solver ? s.complex_solver->state()
+                       : s.solver       ? s.solver->state()
+                                        : espalier::Solver::State::empty;
+    require(state != espalier::Solver::State::empty, "call espalier_analyze first");
     const espalier::solver::CMatrix matrix(*a, false);
-    require(!matrix.complex(), "the numbers are not those of the analysed matrix");
-    const espalier::ChangeResult result = cpp.analyze_change(matrix.view());
-    if (result.analysis.status.ok()) {  // else the solver is as it was
-      s.rows = matrix.view().rows;
-      s.nonzeros = matrix.view().nonzeros();
-      s.transposed = matrix.transposed();
-      s.by_rows = matrix.by_rows();
-      s.null_space = {};
-    }
+    require(matrix.complex() == s.complex_solver.has_value(), "the numbers are not those of the analysed matrix");
+    const espalier::ChangeResult result = matrix.complex() ? s.complex_solver->analyze_change(matrix.complex_view())
+                                                           : s.solver->analyze_change(matrix.view());
+    if (result.analysis.status.ok()) note_layout(s, matrix);  // else the solver is as it was
     hand_out(result.analysis, info);
     if (anew != nullptr) *anew = result.full ? 1 : 0;
     return to_caller(s, result.analysis.status, result.analysis.kind);

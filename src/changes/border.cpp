@@ -7,44 +7,49 @@
 #include <utility>
 
 #include "base/at.hpp"
+#include "changes/change_work.hpp"
 
 namespace espalier::changes {
 
 namespace {
 
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kMostAtOnce = 32;  // columns of one substitution
+template <class T>
+using MatrixOf = typename Border<T>::Matrix;
+
 constexpr std::size_t kKept = 64;  // members that are not active, whose columns stay
 constexpr Index kRightSlot = 8, kCorrectionSlot = 9;
 
 double inverse_power_of_two(double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x)) : 1.0; }
 
-double product(const SparseVector& w, const double* y) {
-  double sum = 0;
+template <class T>
+T product(const SparseVector<T>& w, const T* y) {
+  T sum = 0;
   for (std::size_t q = 0; q < w.size(); ++q) sum += w.value[q] * y[w.place[q]];
   return sum;
 }
 
 /// W Y for rows W and vectors y of the base's memory.
-MatrixXd products_of(const Base& base, const std::vector<const SparseVector*>& rows, const double* y, Index columns) {
+template <class T>
+MatrixOf<T> products_of(const Base<T>& base, const std::vector<const SparseVector<T>*>& rows, const T* y,
+                        Index columns) {
   const Offset n = base.order();
-  MatrixXd made(static_cast<Eigen::Index>(rows.size()), columns);
-  std::vector<double> found;
+  MatrixOf<T> made(static_cast<Eigen::Index>(rows.size()), columns);
+  std::vector<T> found;
   if (!base.on_host()) {
     std::vector<Offset> places;
     for (Index c = 0; c < columns; ++c)
-      for (const SparseVector* w : rows)
+      for (const SparseVector<T>* w : rows)
         for (const Index i : w->place) places.push_back(c * n + i);
     found.resize(places.size());
-    base.space().gather(y, places, found.data());
+    base.gather(y, places, found.data());
   }
-  const double* from = found.data();
+  const T* from = found.data();
   for (Index c = 0; c < columns; ++c)
     for (std::size_t k = 0; k < rows.size(); ++k) {
-      const SparseVector& w = *rows[k];
-      double& sum = made(static_cast<Eigen::Index>(k), c);
+      const SparseVector<T>& w = *rows[k];
+      T& sum = made(static_cast<Eigen::Index>(k), c);
       if (base.on_host()) {
         sum = product(w, y + c * n);
         continue;
@@ -56,8 +61,8 @@ MatrixXd products_of(const Base& base, const std::vector<const SparseVector*>& r
 }
 
 /// use(begin, end) for members whose columns stand one after another.
-template <class Use>
-void for_each_run(const std::vector<Border::Member>& members, const Use& use) {
+template <class Member, class Use>
+void for_each_run(const std::vector<Member>& members, const Use& use) {
   for (std::size_t begin = 0, end = 0; begin < members.size(); begin = end) {
     for (end = begin + 1; end < members.size() && members[end].block == members[begin].block &&
                           members[end].place == members[end - 1].place + 1;)
@@ -69,15 +74,16 @@ void for_each_run(const std::vector<Border::Member>& members, const Use& use) {
 }  // namespace
 
 // The column of an entity in the changed matrix, of the rows that the base has, and its row.
-Border::Member Border::make(const Base& base, Index entity) const {
+template <class T>
+typename Border<T>::Member Border<T>::make(const Base<T>& base, Index entity) const {
   Member m{entity, base.has(entity), {}, {}, true, nullptr, 0};
   if (m.slack) {
     m.column.push(entity, 1);
     m.row.push(entity, 1);
     return m;
   }
-  const ChangedMatrix& a = *matrix_;
-  const auto take = [&](const SparseVector& from, SparseVector& to) {
+  const ChangedMatrix<T>& a = *matrix_;
+  const auto take = [&](const SparseVector<T>& from, SparseVector<T>& to) {
     for (std::size_t q = 0; q < from.size(); ++q)
       if (base.has(from.place[q])) to.push(from.place[q], from.value[q]);
   };
@@ -85,10 +91,10 @@ Border::Member Border::make(const Base& base, Index entity) const {
     take(a.item(entity).column, m.column);
     take(a.item(entity).row, m.row);
   } else {
-    original_->for_each_in_column(entity, [&](Index row, double v) {
+    original_->for_each_in_column(entity, [&](Index row, T v) {
       if (base.has(row)) m.column.push(row, v);
     });
-    original_->for_each_in_row(entity, [&](Index column, double v) {
+    original_->for_each_in_row(entity, [&](Index column, T v) {
       if (base.has(column)) m.row.push(column, v);
     });
     m.column.sort();
@@ -96,8 +102,8 @@ Border::Member Border::make(const Base& base, Index entity) const {
   }
   for (Index later = std::max(a.n(), entity + 1); later < base.order(); ++later) {
     if (!base.has(later)) continue;
-    if (const double v = a.item(later).row.at(entity); v != 0) m.column.push(later, v);
-    if (const double v = a.item(later).column.at(entity); v != 0) m.row.push(later, v);
+    if (const T v = a.item(later).row.at(entity); v != T(0)) m.column.push(later, v);
+    if (const T v = a.item(later).column.at(entity); v != T(0)) m.row.push(later, v);
   }
   return m;
 }
@@ -105,46 +111,46 @@ Border::Member Border::make(const Base& base, Index entity) const {
 namespace {
 
 // Columns of some members, one after another, by entries.
-void set_columns(Base& base, std::span<const Border::Member> some, double* to) {
+template <class T>
+void set_columns(Base<T>& base, std::span<const typename Border<T>::Member> some, T* to) {
   std::vector<Offset> places;
-  std::vector<double> values;
+  std::vector<T> values;
   for (std::size_t k = 0; k < some.size(); ++k) {
-    const SparseVector& u = some[k].column;
+    const SparseVector<T>& u = some[k].column;
     for (const Index i : u.place) places.push_back(static_cast<Offset>(k) * base.order() + i);
     values.insert(values.end(), u.value.begin(), u.value.end());
   }
-  base.space().scatter(places, values, to, static_cast<Index>(some.size()));
+  base.scatter(places, values, to, static_cast<Index>(some.size()));
 }
 
 }  // namespace
 
 // Blocks hold as many columns as go together; taken anew once nobody has one of them.
-std::pair<std::shared_ptr<double[]>, Index> Border::room_for(const Base& base, Index columns) {
+template <class T>
+std::pair<std::shared_ptr<T[]>, Index> Border<T>::room_for(const Base<T>& base, Index columns) {
   for (Block& b : blocks_) {
     if (b.columns.use_count() == 1) b.used = 0;
-    if (b.used + columns > kMostAtOnce) continue;
+    if (b.used + columns > kSideBySide) continue;
     b.used += columns;
     return {b.columns, b.used - columns};
   }
-  blocks_.push_back({base.space().memory(kMostAtOnce), columns});
+  blocks_.push_back({base.memory(kSideBySide), columns});
   return {blocks_.back().columns, 0};
 }
 
 // Z of new members, together; refined where the factor alone is not as good as its numbers.
-void Border::make_columns(Base& base, std::vector<Member>& made) {
-  const device::ResidualSpace& space = base.space();
-  for (std::size_t first = 0; first < made.size(); first += kMostAtOnce) {
-    const std::size_t count = std::min<std::size_t>(kMostAtOnce, made.size() - first);
-    double* const b = base.vectors(kRightSlot, static_cast<Index>(count));
+template <class T>
+void Border<T>::make_columns(Base<T>& base, std::vector<Member>& made) {
+  for (std::size_t first = 0; first < made.size(); first += kSideBySide) {
+    const std::size_t count = std::min<std::size_t>(kSideBySide, made.size() - first);
+    T* const b = base.vectors(kRightSlot, static_cast<Index>(count));
     const auto [block, place] = room_for(base, static_cast<Index>(count));
-    double* const z = block.get() + Offset{place} * base.order();
-    set_columns(base, std::span(made).subspan(first, count), b);
+    T* const z = block.get() + Offset{place} * base.order();
+    set_columns<T>(base, std::span(made).subspan(first, count), b);
     base.substitute(b, z, static_cast<Index>(count));
     if (!checked_) {
       constexpr double kGood = 1e-14;
-      device::ResidualColumn one{b, z, base.vectors(kCorrectionSlot, 1), {}};
-      space.compute(std::span(&one, 1), false);
-      refines_ = !(one.error.normwise <= kGood);
+      refines_ = !(base.residual({{b, z, base.vectors(kCorrectionSlot, 1)}}, false).front() <= kGood);
       checked_ = true;
     }
     for (std::size_t k = 0; k < count; ++k) {
@@ -156,32 +162,32 @@ void Border::make_columns(Base& base, std::vector<Member>& made) {
 }
 
 // Once, by residuals: rounding of Z would stay in S.
-void Border::refine(Base& base, std::vector<Member>& some) {
+template <class T>
+void Border<T>::refine(Base<T>& base, std::vector<Member>& some) {
   const Offset n = base.order();
-  for (std::size_t first = 0; first < some.size(); first += kMostAtOnce) {
-    const std::size_t count = std::min<std::size_t>(kMostAtOnce, some.size() - first);
-    double* const b = base.vectors(kRightSlot, static_cast<Index>(count));
-    double* const r = base.vectors(kCorrectionSlot, static_cast<Index>(count));
-    set_columns(base, std::span(some).subspan(first, count), b);
-    std::vector<device::ResidualColumn> list;
+  for (std::size_t first = 0; first < some.size(); first += kSideBySide) {
+    const std::size_t count = std::min<std::size_t>(kSideBySide, some.size() - first);
+    T* const b = base.vectors(kRightSlot, static_cast<Index>(count));
+    T* const r = base.vectors(kCorrectionSlot, static_cast<Index>(count));
+    set_columns<T>(base, std::span(some).subspan(first, count), b);
+    std::vector<typename Base<T>::Residual> list;
     for (std::size_t k = 0; k < count; ++k) {
-      const Member& m = some[first + k];
       const auto at_k = static_cast<Offset>(k) * n;
-      list.push_back({b + at_k, m.block.get() + m.place * n, r + at_k, {}});
+      list.push_back({b + at_k, some[first + k].block.get() + some[first + k].place * n, r + at_k});
     }
-    base.space().compute(list, false);
+    const std::vector<double> errors = base.residual(list, false);
     base.substitute(r, r, static_cast<Index>(count));
     for (std::size_t k = 0; k < count; ++k) {
       Member& m = some[first + k];
-      if (!m.refined && std::isfinite(list[k].error.normwise))
-        (void)base.space().add(r + static_cast<Offset>(k) * n, m.block.get() + m.place * n);
+      if (!m.refined && std::isfinite(errors[k])) base.add(r + static_cast<Offset>(k) * n, m.block.get() + m.place * n);
       m.refined = true;
     }
   }
 }
 
 // Most recent ones of those that wait.
-void Border::keep_few() {
+template <class T>
+void Border<T>::keep_few() {
   std::size_t waiting = members_.size() - active_.size();
   if (waiting <= kKept) return;
   std::vector<Eigen::Index> left;
@@ -199,16 +205,17 @@ void Border::keep_few() {
 }
 
 // New members with their products.
-void Border::take(const Base& base, std::vector<Member> made) {
+template <class T>
+void Border<T>::take(const Base<T>& base, std::vector<Member> made) {
   const auto before = static_cast<Eigen::Index>(members_.size()), more = static_cast<Eigen::Index>(made.size());
-  std::vector<const SparseVector*> old_rows, new_rows;
+  std::vector<const SparseVector<T>*> old_rows, new_rows;
   for (const Member& m : members_) old_rows.push_back(&m.row);
   for (const Member& m : made) new_rows.push_back(&m.row);
-  MatrixXd all(before + more, before + more);
+  Matrix all(before + more, before + more);
   all.topLeftCorner(before, before) = products_;
   const auto fill = [&](const std::vector<Member>& of, Eigen::Index first, bool with_old) {
     for_each_run(of, [&](std::size_t begin, std::size_t end) {
-      const double* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
+      const T* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
       const auto count = static_cast<Index>(end - begin);
       const Eigen::Index column = first + static_cast<Eigen::Index>(begin);
       if (with_old && before > 0) all.block(0, column, before, count) = products_of(base, old_rows, z, count);
@@ -221,13 +228,15 @@ void Border::take(const Base& base, std::vector<Member> made) {
   members_.insert(members_.end(), std::make_move_iterator(made.begin()), std::make_move_iterator(made.end()));
 }
 
-std::vector<Index> Border::to_make(const std::set<Index>& wanted) const {
+template <class T>
+std::vector<Index> Border<T>::to_make(const std::set<Index>& wanted) const {
   std::set<Index> missing = wanted;
   for (const Member& m : members_) missing.erase(m.entity);
   return {missing.begin(), missing.end()};
 }
 
-Index Border::update(Base& base, const std::set<Index>& wanted) {
+template <class T>
+Index Border<T>::update(Base<T>& base, const std::set<Index>& wanted) {
   std::vector<Member> made;
   for (const Index e : to_make(wanted)) made.push_back(make(base, e));
   make_columns(base, made);
@@ -246,7 +255,8 @@ Index Border::update(Base& base, const std::set<Index>& wanted) {
   return more;
 }
 
-double Border::corner(std::size_t row, std::size_t column) const {
+template <class T>
+T Border<T>::corner(std::size_t row, std::size_t column) const {
   const Member &r = member(row), &c = member(column);
   if (r.slack || c.slack) return 0;
   if (r.entity < matrix_->n() && c.entity < matrix_->n()) return original_->entry(r.entity, c.entity);
@@ -254,23 +264,42 @@ double Border::corner(std::size_t row, std::size_t column) const {
 }
 
 // What cancels to rounding is 0.
-MatrixXd Border::complement() const {
+template <class T>
+typename Border<T>::Matrix Border<T>::complement() const {
   constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
   const std::vector<Eigen::Index> list(active_.begin(), active_.end());
-  MatrixXd s = -products_(list, list);
+  Matrix s = -products_(list, list);
   for (std::size_t r = 0; r < list.size(); ++r)
     for (std::size_t c = 0; c < list.size(); ++c) {
-      double& entry = s(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
-      const double d = corner(r, c), terms = std::abs(d) + std::abs(entry);
+      T& entry = s(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+      const T d = corner(r, c);
+      const double terms = std::abs(d) + std::abs(entry);
       entry += d;
       if (std::abs(entry) <= kRounding * terms) entry = 0;
     }
   return s;
 }
 
+template <class T>
+Inertia Border<T>::inertia() const {
+  Inertia of_s{0, 0, 0};
+  Matrix s = complement();
+  if (s.rows() == 0) return of_s;
+  const VectorXd scale = s.cwiseAbs().rowwise().maxCoeff().unaryExpr(
+      [](double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0; });
+  const Matrix mean = (s + s.adjoint()) / 2;
+  s = scale.cast<T>().asDiagonal() * mean * scale.cast<T>().asDiagonal();
+  const VectorXd values = Eigen::SelfAdjointEigenSolver<Matrix>(s, Eigen::EigenvaluesOnly).eigenvalues();
+  const double zero =
+      4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
+  for (const double v : values) ++(std::abs(v) <= zero ? of_s.zero : v > 0 ? of_s.positive : of_s.negative);
+  return of_s;
+}
+
 // Singular: a condition, rows and columns scaled to 1, at which rounding may leave no digit.
-bool Border::factorize_once() {
-  MatrixXd s = complement();
+template <class T>
+bool Border<T>::factorize_once() {
+  Matrix s = complement();
   const Eigen::Index k = s.rows();
   smallest_ = 1;
   if (k == 0) return true;
@@ -278,12 +307,12 @@ bool Border::factorize_once() {
   if (!s.allFinite()) return false;
   const VectorXd before = s.cwiseAbs().rowwise().maxCoeff();
   row_ = before.unaryExpr(&inverse_power_of_two);
-  s = row_.asDiagonal() * s;
+  s = row_.cast<T>().asDiagonal() * s;
   col_ = s.cwiseAbs().colwise().maxCoeff().transpose().unaryExpr(&inverse_power_of_two);
-  s = s * col_.asDiagonal();
+  s = s * col_.cast<T>().asDiagonal();
   factor_.compute(s);
   // Where a pivot is zero, Eigen's estimate of the condition may come out finite.
-  if (!factor_.matrixLU().allFinite() || (factor_.matrixLU().diagonal().array() == 0).any()) return false;
+  if (!factor_.matrixLU().allFinite() || (factor_.matrixLU().diagonal().array() == T(0)).any()) return false;
   const double least = 4 * static_cast<double>(k) * std::numeric_limits<double>::epsilon();
   const std::vector<Eigen::Index> list(active_.begin(), active_.end());
   const VectorXd terms = products_(list, list).cwiseAbs().rowwise().maxCoeff();
@@ -294,7 +323,8 @@ bool Border::factorize_once() {
   return true;
 }
 
-bool Border::factorize(Base& base) {
+template <class T>
+bool Border<T>::factorize(Base<T>& base) {
   constexpr double kSuspicious = 1e-8;
   const bool regular = factorize_once();
   const auto trusted = [](const Member& m) { return m.refined; };
@@ -307,34 +337,41 @@ bool Border::factorize(Base& base) {
   return factorize_once();
 }
 
-MatrixXd Border::solve(const MatrixXd& right, bool turned) const {
+template <class T>
+typename Border<T>::Matrix Border<T>::solve(const Matrix& right, bool turned) const {
   if (active_.empty()) return right;
   if (turned) {
-    const MatrixXd scaled = col_.asDiagonal() * right;
-    const MatrixXd found = factor_.transpose().solve(scaled);
-    return row_.asDiagonal() * found;
+    const Matrix scaled = col_.cast<T>().asDiagonal() * right;
+    const Matrix found = factor_.transpose().solve(scaled);
+    return row_.cast<T>().asDiagonal() * found;
   }
-  const MatrixXd scaled = row_.asDiagonal() * right;
-  return col_.asDiagonal() * factor_.solve(scaled);
+  const Matrix scaled = row_.cast<T>().asDiagonal() * right;
+  return col_.cast<T>().asDiagonal() * factor_.solve(scaled);
 }
 
-MatrixXd Border::rows_times(const Base& base, const double* y, Index columns, bool turned) const {
-  std::vector<const SparseVector*> rows;
+template <class T>
+typename Border<T>::Matrix Border<T>::rows_times(const Base<T>& base, const T* y, Index columns, bool turned) const {
+  std::vector<const SparseVector<T>*> rows;
   for (std::size_t k = 0; k < active_.size(); ++k) rows.push_back(&member(k).row_of(turned));
   return products_of(base, rows, y, columns);
 }
 
-void Border::subtract(const Base& base, const MatrixXd& t, double* y) const {
+template <class T>
+void Border<T>::subtract(const Base<T>& base, const Matrix& t, T* y) const {
   std::vector<Eigen::Index> number(members_.size(), -1);
   for (std::size_t k = 0; k < active_.size(); ++k) number[at(active_[k])] = static_cast<Eigen::Index>(k);
-  std::vector<double> factors;
+  std::vector<T> factors;
   for (Eigen::Index c = 0; c < t.cols(); ++c, y += base.order())
     for_each_run(members_, [&](std::size_t begin, std::size_t end) {
-      factors.assign(end - begin, 0.0);
+      factors.assign(end - begin, T(0));
       for (std::size_t k = begin; k < end; ++k)
         if (number[k] >= 0) factors[k - begin] = -t(number[k], c);
-      base.space().add_columns(members_[begin].block.get() + Offset{members_[begin].place} * base.order(), factors, y);
+      base.add_columns(members_[begin].block.get() + Offset{members_[begin].place} * base.order(), factors, y);
     });
 }
+
+#define ESPALIER_INSTANTIATE(T) template class Border<T>;
+ESPALIER_FOR_NUMBERS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::changes

@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -13,6 +12,7 @@
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
 #include "changes/given_columns.hpp"
+#include "changes/low_rank.hpp"
 #include "changes/system.hpp"
 #include "solver/session/solver_impl.hpp"
 #include "solver/session/status_of.hpp"
@@ -26,8 +26,6 @@ using changes::columns_of;
 using changes::count_of;
 using changes::Item;
 using changes::SparseVector;
-using Eigen::MatrixXd;
-using Eigen::VectorXd;
 
 std::size_t area(Index rows, Index columns) { return at(rows) * at(columns); }
 
@@ -39,8 +37,9 @@ void check_size(const char* call, const char* name, std::size_t have, std::size_
 
 }  // namespace
 
-struct ChangedSystem::Impl {
-  Impl(Solver& the_solver, bool the_by_rows) : solver(&the_solver), by_rows(the_by_rows) { reset(); }
+template <class T>
+struct ChangedSystemOf<T>::Impl {
+  Impl(SolverOf<T>& the_solver, bool the_by_rows) : solver(&the_solver), by_rows(the_by_rows) { reset(); }
 
   void reset() {
     if (solver->state() != Solver::State::factorized)
@@ -48,7 +47,7 @@ struct ChangedSystem::Impl {
     if (session().link() != nullptr)
       throw std::logic_error("ChangedSystem: several ranks share the solver; it works on a solver of one process");
     system.reset();  // its memory first
-    system = std::make_unique<changes::System>(*solver);
+    system = std::make_unique<changes::System<T>>(*solver);
     system->set_folding(folds);
     stamp = session().factor->stamp();
   }
@@ -68,10 +67,10 @@ struct ChangedSystem::Impl {
     });
   }
 
-  [[nodiscard]] const changes::ChangedMatrix& matrix() const { return system->matrix(); }
+  [[nodiscard]] const changes::ChangedMatrix<T>& matrix() const { return system->matrix(); }
   /// By entities, where unknowns of earlier ones are meant.
-  [[nodiscard]] SparseVector over_entities(const SparseVector& from) const {
-    SparseVector to;
+  [[nodiscard]] SparseVector<T> over_entities(const SparseVector<T>& from) const {
+    SparseVector<T> to;
     for (std::size_t q = 0; q < from.size(); ++q) to.push(matrix().entity_of(from.place[q]), from.value[q]);
     to.sort();
     return to;
@@ -102,53 +101,56 @@ struct ChangedSystem::Impl {
     for (const Index v : unknowns) system->changing().set_alive(v, alive);
   }
 
-  void add(const std::vector<SparseVector>& columns, const std::vector<SparseVector>& rows,
-           std::span<const double> corner);
-  void replace(std::span<const Index> unknowns, std::vector<SparseVector> columns, std::vector<SparseVector> rows);
-  void add_low_rank(const std::vector<SparseVector>& u, std::span<const double> c, const std::vector<SparseVector>& v);
+  void add(const std::vector<SparseVector<T>>& columns, const std::vector<SparseVector<T>>& rows,
+           std::span<const T> corner);
+  void replace(std::span<const Index> unknowns, std::vector<SparseVector<T>> columns,
+               std::vector<SparseVector<T>> rows);
+  void add_low_rank(const std::vector<SparseVector<T>>& u, std::span<const T> c, std::vector<SparseVector<T>> v);
 
   /// As the solver has it.
-  [[nodiscard]] Item held(Item item) const {
+  [[nodiscard]] Item<T> held(Item<T> item) const {
     if (by_rows) std::swap(item.column, item.row);
     return item;
   }
 
-  Solver* solver;
+  SolverOf<T>* solver;
   bool by_rows;
-  std::unique_ptr<changes::System> system;
+  std::unique_ptr<changes::System<T>> system;
   std::uint64_t stamp = 0;
   bool folds = true;
 };
 
 // In the corner, what stands between two new ones belongs to the later one.
-void ChangedSystem::Impl::add(const std::vector<SparseVector>& columns, const std::vector<SparseVector>& rows,
-                              std::span<const double> corner) {
+template <class T>
+void ChangedSystemOf<T>::Impl::add(const std::vector<SparseVector<T>>& columns,
+                                   const std::vector<SparseVector<T>>& rows, std::span<const T> corner) {
   const std::size_t count = columns.size();
   const Index first = matrix().entities();
-  std::vector<Item> items;
+  std::vector<Item<T>> items;
   for (std::size_t k = 0; k < count; ++k) {
-    Item item;
+    Item<T> item;
     item.column = over_entities(columns[k]);
-    item.row = rows.empty() ? item.column : over_entities(rows[k]);
+    item.row = rows.empty() ? item.column.mirrored(matrix().hermitian()) : over_entities(rows[k]);
     for (std::size_t i = 0; i < k && !corner.empty(); ++i) {
       const Index earlier = first + static_cast<Index>(i);
-      if (const double v = corner[k * count + i]; v != 0) item.column.push(earlier, v);
-      if (const double v = corner[i * count + k]; v != 0) item.row.push(earlier, v);
+      if (const T v = corner[k * count + i]; v != T(0)) item.column.push(earlier, v);
+      if (const T v = corner[i * count + k]; v != T(0)) item.row.push(earlier, v);
     }
     if (!corner.empty()) item.corner = corner[k * count + k];
     items.push_back(std::move(item));
   }
-  for (Item& item : items) system->changing().add(held(std::move(item)));
+  for (Item<T>& item : items) system->changing().add(held(std::move(item)));
 }
 
 // Unknowns of the list that come later say what stands between two of it; entities of those are known one by one.
-void ChangedSystem::Impl::replace(std::span<const Index> unknowns, std::vector<SparseVector> columns,
-                                  std::vector<SparseVector> rows) {
+template <class T>
+void ChangedSystemOf<T>::Impl::replace(std::span<const Index> unknowns, std::vector<SparseVector<T>> columns,
+                                       std::vector<SparseVector<T>> rows) {
   const bool same = rows.empty();
   for (std::size_t k = 0; k < unknowns.size(); ++k) {
-    const auto own = [&](SparseVector& from) {
-      double found = 0;
-      SparseVector others;
+    const auto own = [&](SparseVector<T>& from) {
+      T found = 0;
+      SparseVector<T> others;
       for (std::size_t q = 0; q < from.size(); ++q) {
         const Index place = from.place[q];
         if (place == unknowns[k]) found = from.value[q];
@@ -158,82 +160,79 @@ void ChangedSystem::Impl::replace(std::span<const Index> unknowns, std::vector<S
       from = std::move(others);
       return found;
     };
-    Item item;
+    Item<T> item;
     item.corner = own(columns[k]);
     item.column = over_entities(columns[k]);
     if (!same) (void)own(rows[k]);
-    item.row = same ? item.column : over_entities(rows[k]);
+    item.row = same ? item.column.mirrored(matrix().hermitian()) : over_entities(rows[k]);
     system->changing().replace(unknowns[k], held(std::move(item)));
   }
 }
 
-void ChangedSystem::Impl::add_low_rank(const std::vector<SparseVector>& u, std::span<const double> c,
-                                       const std::vector<SparseVector>& v) {
-  const auto rank = static_cast<Eigen::Index>(u.size());
-  const MatrixXd core =
-      c.empty() ? MatrixXd(MatrixXd::Identity(rank, rank)) : MatrixXd(Eigen::Map<const MatrixXd>(c.data(), rank, rank));
-  const auto combined = [&](const std::vector<SparseVector>& of, const VectorXd& factors) {
-    SparseVector sum;
-    for (std::size_t k = 0; k < of.size(); ++k)
-      for (std::size_t q = 0; q < of[k].size(); ++q)
-        if (const double x = factors[static_cast<Eigen::Index>(k)] * of[k].value[q]; x != 0)
-          sum.push(of[k].place[q], x);
-    sum.sort();
-    return sum;
-  };
-  const std::vector<SparseVector>& right = v.empty() ? u : v;
-  std::vector<Item> items;
-  if (right == u && core == core.transpose()) {  // one row and column for each eigenvalue, which the inertia needs
-    const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(core);
-    for (Eigen::Index k = 0; k < rank; ++k) {
-      Item item;
-      item.corner = -1 / eigen.eigenvalues()[k];
-      if (!std::isfinite(item.corner)) continue;  // nothing changes
-      item.column = item.row = over_entities(combined(u, eigen.eigenvectors().col(k)));
-      item.auxiliary = true;
-      items.push_back(std::move(item));
-    }
-  } else {
-    for (Eigen::Index k = 0; k < rank; ++k) {
-      Item item;
-      item.column = over_entities(u[static_cast<std::size_t>(k)]);
-      item.row = over_entities(combined(right, core.row(k).transpose()));
-      item.corner = -1;
-      item.auxiliary = true;
-      items.push_back(std::move(item));
-    }
+template <class T>
+void ChangedSystemOf<T>::Impl::add_low_rank(const std::vector<SparseVector<T>>& u, std::span<const T> c,
+                                            std::vector<SparseVector<T>> v) {
+  const bool hermitian = matrix().hermitian();
+  if (v.empty())
+    for (const SparseVector<T>& column : u) v.push_back(column.mirrored(hermitian));
+  std::vector<Item<T>> items = changes::low_rank_items(u, c, v, hermitian);
+  for (Item<T>& item : items) {
+    item.column = over_entities(item.column);
+    item.row = over_entities(item.row);
+    system->changing().add_auxiliary(held(std::move(item)));
   }
-  for (const Item& item : items)
-    if (item.corner == 0)
-      throw Error(StatusCode::invalid_input, "C has an eigenvalue above the largest number; scale U and C");
-  for (Item& item : items) system->changing().add_auxiliary(held(std::move(item)));
 }
 
-ChangedSystem::ChangedSystem(Solver& solver, bool by_rows) : impl_(std::make_unique<Impl>(solver, by_rows)) {}
-ChangedSystem::~ChangedSystem() = default;
-ChangedSystem::ChangedSystem(ChangedSystem&&) noexcept = default;
-ChangedSystem& ChangedSystem::operator=(ChangedSystem&&) noexcept = default;
+template <class T>
+ChangedSystemOf<T>::ChangedSystemOf(SolverOf<T>& solver, bool by_rows)
+    : impl_(std::make_unique<Impl>(solver, by_rows)) {}
+template <class T>
+ChangedSystemOf<T>::~ChangedSystemOf() = default;
+template <class T>
+ChangedSystemOf<T>::ChangedSystemOf(ChangedSystemOf&&) noexcept = default;
+template <class T>
+ChangedSystemOf<T>& ChangedSystemOf<T>::operator=(ChangedSystemOf&&) noexcept = default;
 
-void ChangedSystem::reset() { impl_->reset(); }
-void ChangedSystem::reset(bool by_rows) {
+template <class T>
+void ChangedSystemOf<T>::reset() {
+  impl_->reset();
+}
+template <class T>
+void ChangedSystemOf<T>::reset(bool by_rows) {
   impl_->reset();
   impl_->by_rows = by_rows;
 }
-Index ChangedSystem::size() const { return impl_->matrix().unknowns(); }
-Index ChangedSystem::changes() const { return impl_->system->changes(); }
-ChangeCost ChangedSystem::cost() const { return impl_->system->cost(); }
-bool ChangedSystem::removed(Index unknown) const {
+template <class T>
+bool ChangedSystemOf<T>::hermitian() const {
+  return impl_->matrix().hermitian();
+}
+template <class T>
+Index ChangedSystemOf<T>::size() const {
+  return impl_->matrix().unknowns();
+}
+template <class T>
+Index ChangedSystemOf<T>::changes() const {
+  return impl_->system->changes();
+}
+template <class T>
+ChangeCost ChangedSystemOf<T>::cost() const {
+  return impl_->system->cost();
+}
+template <class T>
+bool ChangedSystemOf<T>::removed(Index unknown) const {
   if (unknown < 0 || unknown >= size())
     throw std::out_of_range(fmt::format("ChangedSystem::removed: there is no unknown {}, of {}", unknown, size()));
   return impl_->is_removed(unknown);
 }
-void ChangedSystem::set_folding(bool automatic) {
+template <class T>
+void ChangedSystemOf<T>::set_folding(bool automatic) {
   impl_->folds = automatic;
   impl_->system->set_folding(automatic);
 }
 
-Status ChangedSystem::add(std::span<const double> columns, Index count, std::span<const double> rows,
-                          std::span<const double> corner) {
+template <class T>
+Status ChangedSystemOf<T>::add(std::span<const T> columns, Index count, std::span<const T> rows,
+                               std::span<const T> corner) {
   Impl& m = *impl_;
   const Index n = m.matrix().n();
   m.expect_factor("add");
@@ -242,12 +241,14 @@ Status ChangedSystem::add(std::span<const double> columns, Index count, std::spa
   check_size("add", "rows", rows.size(), area(n, count), true);
   check_size("add", "corner", corner.size(), area(count, count), true);
   return m.guarded([&] {
-    check_finite(corner, "the corner");
+    check_finite<T>(corner, "the corner");
     m.add(columns_of(columns, n, "the columns"), columns_of(rows, n, "the rows"), corner);
   });
 }
 
-Status ChangedSystem::add(const SparseColumns& columns, const SparseColumns& rows, std::span<const double> corner) {
+template <class T>
+Status ChangedSystemOf<T>::add(const SparseColumnsOf<T>& columns, const SparseColumnsOf<T>& rows,
+                               std::span<const T> corner) {
   Impl& m = *impl_;
   m.expect_factor("add");
   const Index count = count_of(columns);
@@ -255,14 +256,15 @@ Status ChangedSystem::add(const SparseColumns& columns, const SparseColumns& row
   check_size("add", "rows", at(count_of(rows)), at(count), true);
   check_size("add", "corner", corner.size(), area(count, count), true);
   return m.guarded([&] {
-    check_finite(corner, "the corner");
+    check_finite<T>(corner, "the corner");
     const Index most = m.matrix().unknowns();
     m.add(columns_of(columns, most, "the columns"), columns_of(rows, most, "the rows"), corner);
   });
 }
 
-Status ChangedSystem::replace(std::span<const Index> unknowns, const SparseColumns& columns,
-                              const SparseColumns& rows) {
+template <class T>
+Status ChangedSystemOf<T>::replace(std::span<const Index> unknowns, const SparseColumnsOf<T>& columns,
+                                   const SparseColumnsOf<T>& rows) {
   Impl& m = *impl_;
   m.expect_factor("replace");
   check_size("replace", "columns", at(count_of(columns)), unknowns.size(), false);
@@ -274,7 +276,8 @@ Status ChangedSystem::replace(std::span<const Index> unknowns, const SparseColum
   });
 }
 
-Status ChangedSystem::remove(std::span<const Index> unknowns) {
+template <class T>
+Status ChangedSystemOf<T>::remove(std::span<const Index> unknowns) {
   impl_->expect_factor("remove");
   return impl_->guarded([&] {
     impl_->check_list(unknowns, false);
@@ -282,7 +285,8 @@ Status ChangedSystem::remove(std::span<const Index> unknowns) {
   });
 }
 
-Status ChangedSystem::restore(std::span<const Index> unknowns) {
+template <class T>
+Status ChangedSystemOf<T>::restore(std::span<const Index> unknowns) {
   impl_->expect_factor("restore");
   return impl_->guarded([&] {
     impl_->check_list(unknowns, true);
@@ -290,7 +294,8 @@ Status ChangedSystem::restore(std::span<const Index> unknowns) {
   });
 }
 
-Status ChangedSystem::flip(std::span<const Index> unknowns) {
+template <class T>
+Status ChangedSystemOf<T>::flip(std::span<const Index> unknowns) {
   impl_->expect_factor("flip");
   return impl_->guarded([&] {
     impl_->check_list(unknowns);
@@ -298,8 +303,8 @@ Status ChangedSystem::flip(std::span<const Index> unknowns) {
   });
 }
 
-Status ChangedSystem::add_low_rank(std::span<const double> u, Index rank, std::span<const double> c,
-                                   std::span<const double> v) {
+template <class T>
+Status ChangedSystemOf<T>::add_low_rank(std::span<const T> u, Index rank, std::span<const T> c, std::span<const T> v) {
   Impl& m = *impl_;
   const Index n = m.matrix().n();
   m.expect_factor("add_low_rank");
@@ -308,12 +313,14 @@ Status ChangedSystem::add_low_rank(std::span<const double> u, Index rank, std::s
   check_size("add_low_rank", "v", v.size(), area(n, rank), true);
   check_size("add_low_rank", "c", c.size(), area(rank, rank), true);
   return m.guarded([&] {
-    check_finite(c, "c");
+    check_finite<T>(c, "c");
     m.add_low_rank(columns_of(u, n, "u"), c, columns_of(v, n, "v"));
   });
 }
 
-Status ChangedSystem::add_low_rank(const SparseColumns& u, std::span<const double> c, const SparseColumns& v) {
+template <class T>
+Status ChangedSystemOf<T>::add_low_rank(const SparseColumnsOf<T>& u, std::span<const T> c,
+                                        const SparseColumnsOf<T>& v) {
   Impl& m = *impl_;
   m.expect_factor("add_low_rank");
   const Index rank = count_of(u), n = m.matrix().n();
@@ -321,23 +328,25 @@ Status ChangedSystem::add_low_rank(const SparseColumns& u, std::span<const doubl
   check_size("add_low_rank", "v", at(count_of(v)), at(rank), true);
   check_size("add_low_rank", "c", c.size(), area(rank, rank), true);
   return m.guarded([&] {
-    check_finite(c, "c");
+    check_finite<T>(c, "c");
     m.add_low_rank(columns_of(u, n, "u"), c, columns_of(v, n, "v"));
   });
 }
 
-Status ChangedSystem::prepare() {
+template <class T>
+Status ChangedSystemOf<T>::prepare() {
   impl_->expect_factor("prepare");
   return impl_->guarded([&] { impl_->system->prepare(); });
 }
 
-Status ChangedSystem::fold() {
+template <class T>
+Status ChangedSystemOf<T>::fold() {
   impl_->expect_factor("fold");
   return impl_->guarded([&] { impl_->system->fold(); });
 }
 
-ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<double> x, Index columns,
-                                        Transpose transpose) {
+template <class T>
+ChangedSolveResult ChangedSystemOf<T>::solve(std::span<const T> b, std::span<T> x, Index columns, Transpose transpose) {
   Impl& m = *impl_;
   m.expect_factor("solve");
   if (columns < 1) throw std::invalid_argument(fmt::format("ChangedSystem::solve: {} right-hand sides", columns));
@@ -348,20 +357,22 @@ ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<dou
   result.componentwise_error = std::numeric_limits<double>::quiet_NaN();
   Status status = m.guarded([&] {
     for (std::size_t k = 0; k < b.size(); ++k)
-      if (const auto row = static_cast<Index>(k % at(size())); !std::isfinite(b[k]) && !m.is_removed(row))
-        throw Error(StatusCode::invalid_input, fmt::format("row {} of a right-hand side is {}", row, b[k]), row);
+      if (const auto row = static_cast<Index>(k % at(size())); !changes::is_finite(b[k]) && !m.is_removed(row))
+        throw Error(StatusCode::invalid_input,
+                    fmt::format("row {} of a right-hand side is {}", row, changes::shown(b[k])), row);
     m.system->prepare();
-    std::vector<double> kept;  // where b and x overlap and a second attempt may need b
+    std::vector<T> kept;  // where b and x overlap and a second attempt may need b
     const std::less<> before;
     if (m.folds && before(b.data(), x.data() + x.size()) && before(x.data(), b.data() + b.size()))
       kept.assign(b.begin(), b.end());
     const bool transposed = (transpose != Transpose::no) != m.by_rows;
-    m.system->solve(b.data(), x.data(), columns, transposed, result);
+    const bool conjugated = transpose == Transpose::conjugate;
+    m.system->solve(b.data(), x.data(), columns, transposed, conjugated, result);
     const double limit = m.session().options.required_backward_error;
     if (!(result.backward_error <= limit) && m.folds && m.system->changes() > 0) {
       result.backward_error = 0;
       m.system->fold();
-      m.system->solve(kept.empty() ? b.data() : kept.data(), x.data(), columns, transposed, result);
+      m.system->solve(kept.empty() ? b.data() : kept.data(), x.data(), columns, transposed, conjugated, result);
     }
     if (!(result.backward_error <= limit))
       throw Error(
@@ -376,10 +387,14 @@ ChangedSolveResult ChangedSystem::solve(std::span<const double> b, std::span<dou
   return result;
 }
 
-Inertia ChangedSystem::inertia() const {
+template <class T>
+Inertia ChangedSystemOf<T>::inertia() const {
   impl_->expect_factor("inertia");
   impl_->session().expect_usable();
   return impl_->system->inertia();
 }
+
+template class ChangedSystemOf<double>;
+template class ChangedSystemOf<std::complex<double>>;
 
 }  // namespace espalier

@@ -10,39 +10,49 @@ namespace espalier::changes {
 
 namespace {
 
+template <class T>
 class Folding {
  public:
-  Folding(const ChangedMatrix& matrix, Base& original)
+  Folding(const ChangedMatrix<T>& matrix, Base<T>& original)
       : matrix_(matrix), original_(original), a_(original.pattern()), more_(at(matrix.entities())) {
     folded_.rows = folded_.cols = matrix.entities();
     folded_.storage = symmetric(matrix, original) ? a_.storage : Storage::general;
   }
 
-  SparseMatrix make() {
+  SparseMatrixOf<T> make(bool as_given) {
     for (Index e = matrix_.n(); e < matrix_.entities(); ++e) place_item(e);
     if (a_.storage != folded_.storage && a_.storage != Storage::symmetric_both) turn_triangle();
-    const std::span<const double> values = original_.values();
+    const std::span<const T> values = original_.values();
     folded_.col_ptr.push_back(0);
     for (Index c = 0; c < matrix_.entities(); ++c) {
       bool diagonal = false;
       for (Offset q = c < matrix_.n() ? a_.col_ptr[c] : 0; c < matrix_.n() && q < a_.col_ptr[c + 1]; ++q) {
         const Index r = a_.row_ind[q];
         diagonal = diagonal || r == c;
-        add_entry(r, r == c && !matrix_.alive(c) ? scale(c) : kept(r, c) ? values[at(q)] : 0);
+        add_entry(r, r == c && !matrix_.alive(c) ? T(scale(c)) : kept(r, c) ? values[at(q)] : T(0));
       }
       if (c < matrix_.n() && !diagonal && !matrix_.alive(c)) add_entry(c, scale(c));
       for (const auto& [row, value] : more_[at(c)]) add_entry(row, value);
       folded_.col_ptr.push_back(static_cast<Offset>(folded_.row_ind.size()));
     }
     // As the caller gave it, so that its pattern is known.
-    if (folded_.symmetric() && original_.session().current().system->prepared.symmetric_values)
+    const bool hermitian = folded_.storage != Storage::general && original_.hermitian();
+    if (folded_.storage != Storage::general && original_.session().current().system->prepared.symmetric_values &&
+        (as_given || !hermitian))
       folded_.storage = Storage::general;
+    else if (hermitian)
+      folded_.storage = hermitian_storage(folded_.storage);
     return std::move(folded_);
   }
 
  private:
+  static Storage hermitian_storage(Storage s) {
+    return s == Storage::symmetric_lower   ? Storage::hermitian_lower
+           : s == Storage::symmetric_upper ? Storage::hermitian_upper
+                                           : Storage::hermitian_both;
+  }
   [[nodiscard]] bool kept(Index r, Index c) const { return matrix_.alive(r) && matrix_.alive(c); }
-  void add_entry(Index row, double value) {
+  void add_entry(Index row, T value) {
     folded_.row_ind.push_back(row);
     folded_.values.push_back(value);
   }
@@ -52,7 +62,7 @@ class Folding {
     return usual > 0 && std::isfinite(usual) ? usual : 1;
   }
   void place_item(Index e) {
-    const Item& item = matrix_.item(e);
+    const Item<T>& item = matrix_.item(e);
     if (!matrix_.alive(e)) {
       more_[at(e)].emplace_back(e, scale(e));
       return;
@@ -69,25 +79,28 @@ class Folding {
   void turn_triangle() {
     for (Index c = 0; c < a_.cols; ++c)
       for (Offset q = a_.col_ptr[c]; q < a_.col_ptr[c + 1]; ++q)
-        if (const Index r = a_.row_ind[q]; r != c)
-          more_[at(r)].emplace_back(c, kept(r, c) ? original_.values()[at(q)] : 0);
+        if (const Index r = a_.row_ind[q]; r != c) {
+          const T v = kept(r, c) ? original_.values()[at(q)] : T(0);
+          more_[at(r)].emplace_back(c, original_.hermitian() ? base::conjugate(v) : v);
+        }
   }
 
-  const ChangedMatrix& matrix_;
-  Base& original_;
+  const ChangedMatrix<T>& matrix_;
+  Base<T>& original_;
   const solver::StoredMatrix& a_;
-  std::vector<std::vector<std::pair<Index, double>>> more_;  // by column, besides the entries of A: row, value
-  SparseMatrix folded_;
+  std::vector<std::vector<std::pair<Index, T>>> more_;  // by column, besides the entries of A: row, value
+  SparseMatrixOf<T> folded_;
 };
 
 }  // namespace
 
-bool symmetric(const ChangedMatrix& matrix, const Base& original) {
-  bool all = original.symmetric();
-  for (Index e = matrix.n(); e < matrix.entities(); ++e) all = all && (!matrix.alive(e) || matrix.item(e).symmetric());
-  return all;
+template <class T>
+SparseMatrixOf<T> folded(const ChangedMatrix<T>& matrix, Base<T>& original, bool as_given) {
+  return Folding<T>(matrix, original).make(as_given);
 }
 
-SparseMatrix folded(const ChangedMatrix& matrix, Base& original) { return Folding(matrix, original).make(); }
+#define ESPALIER_INSTANTIATE(T) template SparseMatrixOf<T> folded(const ChangedMatrix<T>&, Base<T>&, bool);
+ESPALIER_FOR_NUMBERS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::changes

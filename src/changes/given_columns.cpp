@@ -10,29 +10,32 @@
 
 namespace espalier::changes {
 
-void check_finite(std::span<const double> values, const char* name) {
+std::string shown(double v) { return fmt::format("{}", v); }
+
+std::string shown(std::complex<double> v) { return fmt::format("{}{:+}i", v.real(), v.imag()); }
+
+template <class T>
+void check_finite(std::span<const T> values, const char* name) {
   for (std::size_t k = 0; k < values.size(); ++k)
-    if (!std::isfinite(values[k]))
-      throw Error(StatusCode::invalid_input, fmt::format("value {} of {} is {}", k, name, values[k]));
+    if (!is_finite(values[k]))
+      throw Error(StatusCode::invalid_input, fmt::format("value {} of {} is {}", k, name, shown(values[k])));
 }
 
-std::vector<SparseVector> columns_of(std::span<const double> values, Index n, const char* name) {
-  std::vector<SparseVector> list(n == 0 ? 0 : values.size() / at(n));
+template <class T>
+std::vector<SparseVector<T>> columns_of(std::span<const T> values, Index n, const char* name) {
+  std::vector<SparseVector<T>> list(n == 0 ? 0 : values.size() / at(n));
   for (std::size_t c = 0; c < list.size(); ++c)
     for (Index i = 0; i < n; ++i) {
-      const double v = values[c * at(n) + at(i)];
-      if (!std::isfinite(v))
-        throw Error(StatusCode::invalid_input, fmt::format("row {} of column {} of {} is {}", i, c, name, v), i);
-      if (v != 0) list[c].push(i, v);
+      const T v = values[c * at(n) + at(i)];
+      if (!is_finite(v))
+        throw Error(StatusCode::invalid_input, fmt::format("row {} of column {} of {} is {}", i, c, name, shown(v)), i);
+      if (v != T(0)) list[c].push(i, v);
     }
   return list;
 }
 
-Index count_of(const SparseColumns& columns) {
-  return columns.col_ptr.empty() ? 0 : static_cast<Index>(columns.col_ptr.size()) - 1;
-}
-
-std::vector<SparseVector> columns_of(const SparseColumns& from, Index most, const char* name) {
+template <class T>
+std::vector<SparseVector<T>> columns_of(const SparseColumnsOf<T>& from, Index most, const char* name) {
   if (from.row_ind.size() != from.values.size())
     throw std::invalid_argument(
         fmt::format("ChangedSystem: {} have {} rows for {} values", name, from.row_ind.size(), from.values.size()));
@@ -43,19 +46,26 @@ std::vector<SparseVector> columns_of(const SparseColumns& from, Index most, cons
   bool ascending = count == 0 || (from.col_ptr.front() == 0 && at(from.col_ptr.back()) == from.values.size());
   for (Index c = 0; c < count; ++c) ascending = ascending && from.col_ptr[at(c)] <= from.col_ptr[at(c) + 1];
   if (!ascending) wrong("the columns do not begin one after another, from 0 to the last entry", -1);
-  std::vector<SparseVector> list(at(count));
+  std::vector<SparseVector<T>> list(at(count));
   for (Index c = 0; c < count; ++c) {
     for (Offset q = from.col_ptr[at(c)]; q < from.col_ptr[at(c) + 1]; ++q) {
       const Index row = from.row_ind[at(q)];
       if (row < 0 || row >= most)
         wrong(fmt::format("entry {} of column {} stands in row {}, of {}", q, c, row, most), row);
-      if (!std::isfinite(from.values[at(q)]))
-        wrong(fmt::format("entry {}, in row {} of column {}, is {}", q, row, c, from.values[at(q)]), row);
+      if (!is_finite(from.values[at(q)]))
+        wrong(fmt::format("entry {}, in row {} of column {}, is {}", q, row, c, shown(from.values[at(q)])), row);
       list[at(c)].push(row, from.values[at(q)]);
     }
     list[at(c)].sort();
   }
   return list;
 }
+
+#define ESPALIER_INSTANTIATE(T)                                                             \
+  template void check_finite(std::span<const T>, const char*);                              \
+  template std::vector<SparseVector<T>> columns_of(std::span<const T>, Index, const char*); \
+  template std::vector<SparseVector<T>> columns_of(const SparseColumnsOf<T>&, Index, const char*);
+ESPALIER_FOR_NUMBERS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::changes

@@ -9,6 +9,7 @@
 
 #include "base/at.hpp"
 #include "base/stopwatch.hpp"
+#include "changes/change_work.hpp"
 #include "changes/folding.hpp"
 #include "solver/session/solver_impl.hpp"
 
@@ -16,27 +17,13 @@ namespace espalier::changes {
 
 namespace {
 
-using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr Index kSideBySide = 32;  // right-hand sides side by side
 constexpr Index kGivenSlot = 10, kFoundSlot = 11, kRestSlot = 12;
 
-solver::Session& session_of(Solver& s) { return solver::SolverAccess::session(s); }
-
-// The work of a sweep up and down the factor, in floating-point operations: it waits for memory.
-double sweep_work(const Base& base, Index columns) {
-  constexpr double kEntry = 120, kColumn = 10;
-  const auto entries = static_cast<double>(base.session().analysis.nonzeros_factor);
-  const double sweeps = std::ceil(static_cast<double>(columns) / kSideBySide);
-  return entries * (kEntry * sweeps + kColumn * static_cast<double>(columns));
-}
-
-// The work of a factorization, with what comes before.
-double factorization_work(const Base& base, bool same_pattern) {
-  constexpr double kCall = 2e5, kEntry = 20, kAnalysis = 1000;  // of a call; an entry: copied, analyzed
-  return base.session().analysis.flops + kCall +
-         static_cast<double>(base.pattern().nonzeros()) * (kEntry + (same_pattern ? 0 : kAnalysis));
+template <class Solver>
+solver::Session& session_of(Solver& s) {
+  return solver::SolverAccess::session(s);
 }
 
 // NaN where one is.
@@ -44,28 +31,32 @@ double largest(const auto& v) { return v.size() == 0 ? 0.0 : v.cwiseAbs().templa
 
 }  // namespace
 
-System::System(Solver& solver)
-    : matrix_(session_of(solver).current().n()),
-      solver_(&solver),
-      original_(session_of(solver), std::vector<char>(at(matrix_.n()), 1)),
+template <class T>
+System<T>::System(SolverOf<T>& solver)
+    : solver_(&solver),
+      original_(session_of(solver), std::vector<char>(at(session_of(solver).current().n()), 1)),
+      matrix_(original_.order(), original_.hermitian()),
       border_(matrix_, original_) {
   cost_.factorization_seconds = original_.session().factor->result().seconds;
 }
 
-Index System::changes() const {
+template <class T>
+Index System<T>::changes() const {
   Index count = 0;
   for (Index e = 0; e < matrix_.entities(); ++e) count += base().has(e) != matrix_.alive(e) ? 1 : 0;
   return count;
 }
 
-ChangeCost System::cost() const {
+template <class T>
+ChangeCost System<T>::cost() const {
   ChangeCost c = cost_;
   c.factorization = factorization_work(base(), matrix_.entities() == base().order());
   return c;
 }
 
 // Which entities belong into the border, by those that were touched.
-void System::find_wanted() {
+template <class T>
+void System<T>::find_wanted() {
   const auto look_at = [&](Index e) {
     if (base().has(e) != matrix_.alive(e))
       wanted_.insert(e);
@@ -90,7 +81,8 @@ void System::find_wanted() {
   updated_ = true;
 }
 
-void System::update() {
+template <class T>
+void System<T>::update() {
   find_wanted();
   const double start = base::now_seconds();
   const Index made = border_.update(base(), wanted_);
@@ -100,7 +92,8 @@ void System::update() {
   cost_.changes += sweep_work(base(), made);
 }
 
-void System::prepare() {
+template <class T>
+void System<T>::prepare() {
   if (!stale_) return;
   find_wanted();
   const ChangeCost so_far = cost();
@@ -131,19 +124,22 @@ void System::prepare() {
   stale_ = false;
 }
 
-double System::norm(bool turned) {
+template <class T>
+double System<T>::norm(bool turned) {
   std::optional<double>& made = norms_[turned ? 1 : 0];
   if (!made) made = row_norm_.of(matrix_, base(), border_, turned);
   return *made;
 }
 
-void System::fold() {
+template <class T>
+void System<T>::fold() {
   factorize_changed();
   refused_ = false;
   prepare();
 }
 
-void System::back_to_original() {
+template <class T>
+void System<T>::back_to_original() {
   border_.clear();
   folded_.reset();
   own_.reset();
@@ -152,14 +148,15 @@ void System::back_to_original() {
 }
 
 // Beside the solver's own factor. The analysis is that of the factor before, followed where the pattern has changed.
-void System::factorize_changed() {
+template <class T>
+void System<T>::factorize_changed() {
   const double start = base::now_seconds();
-  const SparseMatrix a = folded(matrix_, original_);
   const bool is_symmetric = symmetric(matrix_, original_);
   const Options& given = original_.session().options;
   const bool as_given = is_symmetric == original_.symmetric() && given.permutation.empty() &&
                         (given.kind == Kind::automatic || given.kind == original_.session().current().kind()) &&
                         (given.kind != Kind::llt || matrix_.entities() == matrix_.n());
+  const SparseMatrixOf<T> a = folded(matrix_, original_, as_given);
   const auto expect = [](const Status& s) {
     if (!s.ok()) throw Error(s);
   };
@@ -170,18 +167,18 @@ void System::factorize_changed() {
   stale_ = true;
   try {
     if (own_ && !as_given && own_->options().kind == Kind::llt) own_.reset();
-    if (!own_ && as_given) own_ = std::make_unique<Solver>(solver_->clone());
+    if (!own_ && as_given) own_ = std::make_unique<SolverOf<T>>(solver_->clone());
     if (own_ && (own_->analysis().kind != Kind::lu) != is_symmetric) own_.reset();
     if (!own_) {
       Options o = given;
       o.permutation.clear();
       o.kind = is_symmetric ? Kind::automatic : Kind::lu;
-      own_ = std::make_unique<Solver>(std::move(o));
+      own_ = std::make_unique<SolverOf<T>>(std::move(o));
       expect(own_->analyze(a).status);
     } else if (!own_->has_pattern(a)) {
       expect(own_->analyze_change(a).analysis.status);
     }
-    const FactorResult factor = own_->factorize(a);
+    const auto factor = own_->factorize(a);
     expect(factor.status);
     if (factor.rank >= 0 && factor.rank < matrix_.entities())  // where singular matrices are no errors
       throw Error(StatusCode::singular,
@@ -198,49 +195,49 @@ void System::factorize_changed() {
 }
 
 // The residual of the unknowns that count; those of low rank are what they must be, which x is told.
-MatrixXd System::residual(const MatrixXd& b, MatrixXd& x, bool turned) {
+template <class T>
+typename System<T>::Matrix System<T>::residual(const Matrix& b, Matrix& x, bool turned) {
   const auto columns = static_cast<Index>(b.cols());
   const Index m = base().order();
   for (Index e = matrix_.n(); e < matrix_.entities(); ++e) {
     if (!matrix_.auxiliary(e)) continue;
-    const Item& item = matrix_.item(e);
-    const SparseVector& row = item.row_of(turned);
+    const Item<T>& item = matrix_.item(e);
+    const SparseVector<T>& row = item.row_of(turned);
     for (Index c = 0; c < columns; ++c) {
-      double sum = 0;
+      T sum = 0;
       for (std::size_t q = 0; q < row.size(); ++q) sum += row.value[q] * x(row.place[q], c);
       x(e, c) = -sum / item.corner;
     }
   }
-  MatrixXd right = b.topRows(m), inside = x.topRows(m);
+  Matrix right = b.topRows(m), inside = x.topRows(m);
   for (const Index e : outside_) {
     right.row(e).setZero();
     inside.row(e).setZero();
   }
   for (std::size_t k = 0; k < border_.active().size(); ++k) {
-    const Border::Member& u = border_.member(k);
+    const typename Border<T>::Member& u = border_.member(k);
     if (u.slack) continue;
-    const SparseVector& column = u.column_of(turned);
+    const SparseVector<T>& column = u.column_of(turned);
     for (Index c = 0; c < columns; ++c)
       for (std::size_t q = 0; q < column.size(); ++q) right(column.place[q], c) -= column.value[q] * x(u.entity, c);
   }
-  double* const b_there = base().vectors(kGivenSlot, columns);
-  double* const x_there = base().vectors(kFoundSlot, columns);
-  double* const r_there = base().vectors(kRestSlot, columns);
+  T* const b_there = base().vectors(kGivenSlot, columns);
+  T* const x_there = base().vectors(kFoundSlot, columns);
+  T* const r_there = base().vectors(kRestSlot, columns);
   base().send(b_there, right.data(), columns);
   base().send(x_there, inside.data(), columns);
-  std::vector<device::ResidualColumn> list;
-  for (Index c = 0; c < columns; ++c)
-    list.push_back({b_there + Offset{c} * m, x_there + Offset{c} * m, r_there + Offset{c} * m, {}});
-  base().space().compute(list, turned);
+  std::vector<typename Base<T>::Residual> list;
+  for (Offset c = 0; c < columns; ++c) list.push_back({b_there + c * m, x_there + c * m, r_there + c * m});
+  (void)base().residual(list, turned);
   base().fetch(right.data(), r_there, columns);
-  MatrixXd r = MatrixXd::Zero(b.rows(), columns);
+  Matrix r = Matrix::Zero(b.rows(), columns);
   r.topRows(m) = right;
   for (std::size_t k = 0; k < border_.active().size(); ++k) {
-    const Border::Member& w = border_.member(k);
+    const typename Border<T>::Member& w = border_.member(k);
     if (w.slack) continue;
-    const SparseVector& row = w.row_of(turned);
+    const SparseVector<T>& row = w.row_of(turned);
     for (Index c = 0; c < columns; ++c) {
-      double sum = b(w.entity, c);
+      T sum = b(w.entity, c);
       for (std::size_t q = 0; q < row.size(); ++q) sum -= row.value[q] * inside(row.place[q], c);
       for (std::size_t j = 0; j < border_.active().size(); ++j)
         if (!border_.member(j).slack)
@@ -254,25 +251,26 @@ MatrixXd System::residual(const MatrixXd& b, MatrixXd& x, bool turned) {
 
 // The columns Z are those of A^-1 U. Of the transposed system, [A^T W^T; U^T D^T], there are none: it takes a second
 // sweep, x = A^-T (b - W^T t), in the place of products with them.
-MatrixXd System::substitute(const MatrixXd& r, bool turned) {
+template <class T>
+typename System<T>::Matrix System<T>::substitute(const Matrix& r, bool turned) {
   const auto columns = static_cast<Index>(r.cols());
   const Index m = base().order();
-  MatrixXd inside = r.topRows(m);
+  Matrix inside = r.topRows(m);
   for (const Index e : outside_) inside.row(e).setZero();
-  double* const from = base().vectors(kGivenSlot, columns);
-  double* const to = base().vectors(kFoundSlot, columns);
+  T* const from = base().vectors(kGivenSlot, columns);
+  T* const to = base().vectors(kFoundSlot, columns);
   base().send(from, inside.data(), columns);
   base().substitute(from, to, columns, turned);
-  MatrixXd t;
+  Matrix t;
   if (!border_.active().empty()) {
-    MatrixXd right = -border_.rows_times(base(), to, columns, turned);
+    Matrix right = -border_.rows_times(base(), to, columns, turned);
     for (std::size_t k = 0; k < border_.active().size(); ++k)
       if (!border_.member(k).slack) right.row(static_cast<Eigen::Index>(k)) += r.row(border_.member(k).entity);
     t = border_.solve(right, turned);
     if (!turned) border_.subtract(base(), t, to);
   }
   for (std::size_t k = 0; k < border_.active().size() && turned; ++k) {
-    const SparseVector& column = border_.member(k).column_of(turned);
+    const SparseVector<T>& column = border_.member(k).column_of(turned);
     for (Index c = 0; c < columns; ++c)
       for (std::size_t q = 0; q < column.size(); ++q)
         inside(column.place[q], c) -= column.value[q] * t(static_cast<Eigen::Index>(k), c);
@@ -283,7 +281,7 @@ MatrixXd System::substitute(const MatrixXd& r, bool turned) {
     cost_.changes += sweep_work(base(), columns);
   }
   base().fetch(inside.data(), to, columns);
-  MatrixXd x = MatrixXd::Zero(r.rows(), columns);
+  Matrix x = Matrix::Zero(r.rows(), columns);
   x.topRows(m) = inside;
   for (std::size_t k = 0; k < border_.active().size(); ++k)
     if (!border_.member(k).slack) x.row(border_.member(k).entity) = t.row(static_cast<Eigen::Index>(k));
@@ -291,22 +289,18 @@ MatrixXd System::substitute(const MatrixXd& r, bool turned) {
   return x;
 }
 
-void System::count_products(Index columns) {
-  constexpr double kProduct = 40;
-  cost_.changes +=
-      kProduct * static_cast<double>(border_.active().size()) * static_cast<double>(base().order()) * columns;
-}
-
-void System::solve_block(const double* given, double* to, Index columns, bool turned, SolveResult& result) {
+template <class T>
+void System<T>::solve_block(const T* given, T* to, Index columns, bool turned, bool conjugate, SolveResult& result) {
   const Options& o = original_.session().options;
   const Index unknowns = matrix_.unknowns();
   const bool plain = matrix_.plain() && unknowns == matrix_.entities();
-  MatrixXd b = plain ? MatrixXd(Eigen::Map<const MatrixXd>(given, unknowns, columns))
-                     : MatrixXd(MatrixXd::Zero(matrix_.entities(), columns));
+  Matrix b = plain ? Matrix(Eigen::Map<const Matrix>(given, unknowns, columns))
+                   : Matrix(Matrix::Zero(matrix_.entities(), columns));
   for (Index c = 0; c < columns && !plain; ++c)
     for (Index u = 0; u < unknowns; ++u) b(matrix_.entity_of(u), c) = given[Offset{c} * unknowns + u];
+  if (conjugate) b = b.conjugate().eval();
   for (const Index e : silent_) b.row(e).setZero();
-  const auto errors_of = [&](const MatrixXd& r, const MatrixXd& x) {
+  const auto errors_of = [&](const Matrix& r, const Matrix& x) {
     std::vector<double> errors;
     for (Index c = 0; c < columns; ++c) {
       const double scale = norm(turned) * largest(x.col(c)) + largest(b.col(c)), rest = largest(r.col(c));
@@ -316,10 +310,10 @@ void System::solve_block(const double* given, double* to, Index columns, bool tu
     return errors;
   };
   const double start = base::now_seconds();
-  MatrixXd x = substitute(b, turned);
+  Matrix x = substitute(b, turned);
   result.solve_seconds += base::now_seconds() - start;
-  MatrixXd r = residual(b, x, turned);
-  count_products(columns);
+  Matrix r = residual(b, x, turned);
+  cost_.changes += product_work(base(), border_.active().size(), columns);
   std::vector<double> errors = errors_of(r, x);
   std::vector<char> open(at(columns), 1);
   int steps = 0;
@@ -332,9 +326,9 @@ void System::solve_block(const double* given, double* to, Index columns, bool tu
     return any;
   };
   for (; steps < o.refinement_steps && any_open(); ++steps) {
-    MatrixXd better = x + substitute(r, turned);
-    const MatrixXd left = residual(b, better, turned);
-    count_products(columns);
+    Matrix better = x + substitute(r, turned);
+    const Matrix left = residual(b, better, turned);
+    cost_.changes += product_work(base(), border_.active().size(), columns);
     const std::vector<double> now = errors_of(left, better);
     bool gained = false;
     for (Index c = 0; c < columns; ++c) {
@@ -348,45 +342,51 @@ void System::solve_block(const double* given, double* to, Index columns, bool tu
     }
     if (!gained) break;
   }
-  if (plain) Eigen::Map<MatrixXd>(to, unknowns, columns) = x;
+  if (conjugate) x = x.conjugate().eval();
+  if (plain) Eigen::Map<Matrix>(to, unknowns, columns) = x;
   for (Index c = 0; c < columns && !plain; ++c)
     for (Index u = 0; u < unknowns; ++u) to[Offset{c} * unknowns + u] = x(matrix_.entity_of(u), c);
   result.refinement_steps = std::max(result.refinement_steps, steps);
   for (const double e : errors) result.backward_error = std::max(result.backward_error, e);
 }
 
-void System::solve(const double* b, double* x, Index columns, bool transpose, SolveResult& result) {
-  const bool turned = transpose && !symmetric(matrix_, original_);
+// The transpose of a Hermitian matrix is its conjugate.
+template <class T>
+void System<T>::solve(const T* b, T* x, Index columns, bool transpose, bool conjugate, SolveResult& result) {
+  const bool same = symmetric(matrix_, original_);
+  const bool turned = transpose && !same;
+  const bool conjugated = conjugate != (transpose && same && matrix_.hermitian());
   for (Index first = 0; first < columns; first += kSideBySide) {
     const Offset skipped = Offset{first} * matrix_.unknowns();
-    solve_block(b + skipped, x + skipped, std::min(kSideBySide, columns - first), turned, result);
+    solve_block(b + skipped, x + skipped, std::min(kSideBySide, columns - first), turned, conjugated, result);
   }
 }
 
 // In [A U; W D] = In A + In S. Of low rank, [A u; u^T -1/l]: one eigenvalue of the sign of -l besides those of
 // A + l u u^T. A removed unknown and its slack: one of either sign besides those of the rest.
-Inertia System::inertia() {
+template <class T>
+Inertia System<T>::inertia() {
   if (!symmetric(matrix_, original_) || !base().symmetric()) return {};
+  if (base::ScalarTraits<T>::is_complex && !(matrix_.hermitian() && base().hermitian())) return {};
   update();
   (void)border_.factorize(base());  // refines columns where that matters
   Inertia all = base().inertia();
   all.positive -= base().dead();
   for (Index e = matrix_.n(); e < matrix_.entities(); ++e)
-    if (matrix_.auxiliary(e)) --(matrix_.item(e).corner > 0 ? all.positive : all.negative);
+    if (matrix_.auxiliary(e)) --(std::real(matrix_.item(e).corner) > 0 ? all.positive : all.negative);
   for (std::size_t k = 0; k < border_.active().size(); ++k) {
     all.positive -= border_.member(k).slack ? 1 : 0;
     all.negative -= border_.member(k).slack ? 1 : 0;
   }
-  MatrixXd s = border_.complement();
-  if (s.rows() == 0) return all;
-  const VectorXd scale = s.cwiseAbs().rowwise().maxCoeff().unaryExpr(
-      [](double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0; });
-  s = scale.asDiagonal() * ((s + s.transpose()) / 2) * scale.asDiagonal();
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<MatrixXd>(s, Eigen::EigenvaluesOnly).eigenvalues();
-  const double zero =
-      4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
-  for (const double v : values) ++(std::abs(v) <= zero ? all.zero : v > 0 ? all.positive : all.negative);
+  const Inertia of_s = border_.inertia();
+  all.positive += of_s.positive;
+  all.negative += of_s.negative;
+  all.zero += of_s.zero;
   return all;
 }
+
+#define ESPALIER_INSTANTIATE(T) template class System<T>;
+ESPALIER_FOR_NUMBERS(ESPALIER_INSTANTIATE)
+#undef ESPALIER_INSTANTIATE
 
 }  // namespace espalier::changes

@@ -17,16 +17,19 @@
 namespace espalier::changes {
 
 /// Calls throw Error.
+template <class T>
 class System {
  public:
+  using Matrix = typename Border<T>::Matrix;
+
   /// @pre `solver` has a factor, which outlives this and stays
-  explicit System(Solver& solver);
+  explicit System(SolverOf<T>& solver);
   System(const System&) = delete;
   System& operator=(const System&) = delete;
 
-  [[nodiscard]] const ChangedMatrix& matrix() const { return matrix_; }
+  [[nodiscard]] const ChangedMatrix<T>& matrix() const { return matrix_; }
   /// To be changed.
-  [[nodiscard]] ChangedMatrix& changing() {
+  [[nodiscard]] ChangedMatrix<T>& changing() {
     stale_ = true;
     return matrix_;
   }
@@ -39,34 +42,34 @@ class System {
   void prepare();
   void fold();
   /// b and x: unknowns x columns. @pre b is finite where it is read
-  /// @param transpose  for the transposed matrix
-  void solve(const double* b, double* x, Index columns, bool transpose, SolveResult& result);
+  /// @param transpose  with the transposed matrix
+  /// @param conjugate  with the conjugate of that, or of the matrix
+  void solve(const T* b, T* x, Index columns, bool transpose, bool conjugate, SolveResult& result);
   [[nodiscard]] Inertia inertia();
 
  private:
-  [[nodiscard]] Base& base() { return folded_ ? *folded_ : original_; }
-  [[nodiscard]] const Base& base() const { return folded_ ? *folded_ : original_; }
+  [[nodiscard]] Base<T>& base() { return folded_ ? *folded_ : original_; }
+  [[nodiscard]] const Base<T>& base() const { return folded_ ? *folded_ : original_; }
   void find_wanted();
   void update();
   void factorize_changed();
   void back_to_original();
-  // `turned`: of the transposed matrix, where that is another one.
-  void solve_block(const double* b, double* x, Index columns, bool turned, SolveResult& result);
-  [[nodiscard]] Eigen::MatrixXd residual(const Eigen::MatrixXd& b, Eigen::MatrixXd& x, bool turned);
-  [[nodiscard]] Eigen::MatrixXd substitute(const Eigen::MatrixXd& r, bool turned);
+  // `turned`: of the transposed matrix, where that is no matter of conjugates.
+  void solve_block(const T* b, T* x, Index columns, bool turned, bool conjugate, SolveResult& result);
+  [[nodiscard]] Matrix residual(const Matrix& b, Matrix& x, bool turned);
+  [[nodiscard]] Matrix substitute(const Matrix& r, bool turned);
   [[nodiscard]] double norm(bool turned);
-  void count_products(Index columns);
 
-  ChangedMatrix matrix_;
-  Solver* solver_;
-  Base original_;
-  std::unique_ptr<Solver> own_;  // of the changed matrix, as it was when it was factorized
-  std::optional<Base> folded_;
-  Border border_;
+  SolverOf<T>* solver_;
+  Base<T> original_;
+  ChangedMatrix<T> matrix_;
+  std::unique_ptr<SolverOf<T>> own_;  // of the changed matrix, as it was when it was factorized
+  std::optional<Base<T>> folded_;
+  Border<T> border_;
   std::set<Index> wanted_;      // entities that belong into the border
   std::set<Index> silent_;      // that do not count
   std::vector<Index> outside_;  // that the base does not have
-  RowNorm row_norm_;
+  RowNorm<T> row_norm_;
   std::optional<double> norms_[2];  // of the matrix, of its transpose
   bool updated_ = false;            // the border is that of the matrix
   bool stale_ = true;               // the matrix has changed since prepare()

@@ -12,7 +12,7 @@
 
 namespace espalier::test {
 
-namespace {
+namespace changed_system_test {
 
 using namespace changed;
 
@@ -242,6 +242,6 @@ TEST_F(ChangedSystemOnGpu, OutlivesTheColumnsOfAnotherFactor) {
   ASSERT_TRUE(changed.solve(b, x).status.ok());
 }
 
-}  // namespace
+}  // namespace changed_system_test
 
 }  // namespace espalier::test

@@ -165,5 +165,51 @@ TEST_P(ComplexRanks, SingularSystemsAndWrongArraysEndOnAllRanks) {
   });
 }
 
+// All ranks follow a changed pattern: the bits of one process.
+TEST(ComplexRanks, ChangedPatterns) {
+  for (const bool real_form : {false, true}) {
+    std::optional<test::AsRealForm> form;
+    if (real_form) form.emplace();
+    const ComplexSparseMatrix b = complex_of(reference::random_system(600, 4, Values::general, 2), Storage::general);
+    ComplexSparseMatrix a{b.rows, b.cols, {0}, {}, {}, b.storage};
+    int seen = 0;
+    for (Index c = 0; c < b.cols; ++c) {
+      for (Offset k = b.col_ptr[c]; k < b.col_ptr[c + 1]; ++k) {
+        if (b.row_ind[k] != c && ++seen % 60 == 0) continue;
+        a.row_ind.push_back(b.row_ind[k]);
+        a.values.push_back(b.values[k]);
+      }
+      a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+    }
+    const auto life = [&](ComplexSolver& solver, bool first) {
+      const ComplexMatrixView before = first ? a.view() : ComplexMatrixView(), now = first ? b.view() : before;
+      EXPECT_TRUE(solver.analyze(before).status.ok());
+      EXPECT_TRUE(solver.factorize(before).status.ok());
+      const ChangeResult change = solver.analyze_change(now);
+      EXPECT_TRUE(change.analysis.status.ok()) << change.analysis.status.message;
+      EXPECT_FALSE(change.full) << change.why;
+      EXPECT_TRUE(solver.factorize(now).status.ok());
+      std::vector<Value> x;
+      for (const double v : reference::random_vector(first ? a.rows : 0, 7)) x.push_back(v);
+      EXPECT_TRUE(solver.solve(x, x).status.ok());
+      return x;
+    };
+    Options options;
+    options.device = "cpu";
+    options.threads = 1;
+    options.kind = Kind::lu;
+    ComplexSolver alone(options);
+    const std::vector<Value> truth = life(alone, true);
+    for (const int count : {2, 3})
+      on_threads(count, {}, [&](const Ranks& ranks) {
+        ComplexSolver solver(ranks, options);
+        const std::vector<Value> x = life(solver, ranks.rank() == 0);
+        if (ranks.rank() == 0) {
+          EXPECT_EQ(x, truth) << count << " ranks";
+        }
+      });
+  }
+}
+
 }  // namespace complex_ranks_test
 }  // namespace espalier::ranks

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "matrix/generators/generate.hpp"
+#include "verdict/complex_twin.hpp"
 
 namespace espalier::verdict {
 
@@ -118,11 +119,12 @@ SparseMatrix ChangingSystem::matrix() const {
   return reference::from_triples(base_.cols, t, base_.storage);
 }
 
-ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_of_ordering) {
+template <class T>
+ChangeVerdict follow(SolverOf<T>& solver, const ChangingSystem& system, Offset& fill_of_ordering, bool hermitian) {
   ChangeVerdict verdict;
-  const SparseMatrix a = system.matrix();
+  const MatrixOf<T> a = twin_of<T>(system.matrix(), hermitian);
   const ChangeResult changed = solver.analyze_change(a);
-  Solver fresh(solver.options());
+  SolverOf<T> fresh(solver.options());
   const AnalysisResult analysis = fresh.analyze(a);
   const auto wrong = [&](const std::string& what) {
     verdict.wrong += fmt::format("{} of {} unknowns: {}; ", system.name(), a.cols, what);
@@ -136,7 +138,7 @@ ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_
   verdict.fill = static_cast<double>(changed.analysis.nonzeros_factor) /
                  static_cast<double>(std::max<Offset>(1, fill_of_ordering));
   if (verdict.fill > 1.0501) wrong(fmt::format("{} times the entries that were promised", verdict.fill));
-  const FactorResult mine = solver.factorize(a), theirs = fresh.factorize(a);
+  const auto mine = solver.factorize(a), theirs = fresh.factorize(a);
   if (mine.status.code != theirs.status.code) {
     wrong("factor: " + mine.status.message + " / " + theirs.status.message);
     return verdict;
@@ -146,13 +148,17 @@ ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_
   if (mine.inertia.negative != theirs.inertia.negative || mine.inertia.positive != theirs.inertia.positive)
     wrong(fmt::format("inertia {} {}, not {} {}", mine.inertia.positive, mine.inertia.negative, theirs.inertia.positive,
                       theirs.inertia.negative));
-  const std::vector<double> b = reference::random_vector(a.cols, 3);
-  std::vector<double> x(b.size());
+  std::vector<T> b;
+  for (const double v : reference::random_vector(a.cols, 3)) b.push_back(v);
+  std::vector<T> x(b.size());
   const SolveResult solved = solver.solve(b, x);
   if (!solved.status.ok()) wrong("solve: " + solved.status.message);
-  if (const double error = reference::backward_error(a, b, x); !(error <= 8 * kEps))
+  if (const double error = backward_error<T>(a, b, x, 1, Transpose::no); !(error <= 8 * kEps))
     wrong(fmt::format("backward error {:.1e}", error));
   return verdict;
 }
+
+template ChangeVerdict follow<double>(Solver&, const ChangingSystem&, Offset&, bool);
+template ChangeVerdict follow<std::complex<double>>(ComplexSolver&, const ChangingSystem&, Offset&, bool);
 
 }  // namespace espalier::verdict

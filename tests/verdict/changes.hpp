@@ -1,6 +1,6 @@
 /// \file
-/// Random systems whose pattern changes again and again, for Solver::analyze_change(): for a short share in test_solver
-/// and for the campaign (tests/verdict/change_campaign.cpp).
+/// Random systems whose pattern changes again and again, for analyze_change() of both solvers: for a short share in
+/// test_solver and for the campaign (tests/verdict/change_campaign.cpp).
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "espalier/solver.hpp"
+#include "espalier/complex_solver.hpp"
 #include "reference/reference.hpp"
 
 namespace espalier::verdict {
@@ -50,8 +50,13 @@ struct ChangeVerdict {
   double fill = 1;  ///< over that of the last full analysis
 };
 
-/// Lets `solver` follow the system as it is now and holds it against a fresh analysis: status, inertia, rank, backward
-/// errors of a solution, the promise about the factor's entries.
-ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_of_ordering);
+/// Lets `solver` follow the system as it is now, or its complex twin (twin_of()), and holds it against a fresh
+/// analysis: status, inertia, rank, backward errors of a solution, the promise about the factor's entries.
+/// @param hermitian  of the twin
+template <class T>
+ChangeVerdict follow(SolverOf<T>& solver, const ChangingSystem& system, Offset& fill_of_ordering, bool hermitian);
+inline ChangeVerdict follow(Solver& solver, const ChangingSystem& system, Offset& fill_of_ordering) {
+  return follow<double>(solver, system, fill_of_ordering, false);
+}
 
 }  // namespace espalier::verdict

@@ -2,6 +2,7 @@
 // (Options::partial_refactorization) must have the bits and the verdicts of one that makes everything. Prints what
 // differs and a table; exit code 1 where anything did.
 //   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS [FOLDER]]]]]]
+// Each fourth matrix is complex: symmetric, Hermitian or general.
 // default: 10000, seed 1, cpu, n up to 400, and of a hundred changes 0 change the pattern (Solver::analyze_change()).
 // With a folder all has a random budget: of a device of the host, or of the host with the factor on disk. The other
 // solver is then a new one with the same options, up to the first pivot that moves.
@@ -9,6 +10,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -22,6 +24,7 @@
 #include "espalier/espalier.hpp"
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
+#include "verdict/complex_twin.hpp"
 #include "verdict/value_changes.hpp"
 
 namespace {
@@ -37,6 +40,7 @@ struct Case {
   std::string name;
   SparseMatrix a;
   Options options;
+  bool complex = false, hermitian = false;  // then it stands for its twin
 };
 
 class Campaign {
@@ -52,10 +56,10 @@ class Campaign {
     for (unsigned k = 0; all_.changes < changes; ++k) {
       random_.seed(seed_ + k);
       const Case c = draw(k);
-      if (folder_.empty())
-        follow(c, std::min(30, changes - all_.changes));
+      if (c.complex)
+        go_through<std::complex<double>>(c, changes - all_.changes);
       else
-        follow_in_budget(c, std::min(12, changes - all_.changes));
+        go_through<double>(c, changes - all_.changes);
     }
     for (const auto& [kind, t] : by_kind_) print(kind, t);
     print("all", all_);
@@ -113,14 +117,38 @@ class Campaign {
     c.name += fmt::format(", precision {}, blocks {}, rescale {}", static_cast<int>(c.options.precision),
                           c.options.max_block_size, static_cast<int>(c.options.rescale));
     c.a = matrix_for(c.options.kind, c.name);
+    c.complex = k % 4 == 3;
+    c.hermitian = c.complex && (c.options.kind == Kind::llt || below(2) == 0);
+    if (c.complex) c.name += c.hermitian ? ", Hermitian" : ", complex";
     return c;
   }
 
   static bool same(const void* a, const void* b, std::size_t bytes) { return std::memcmp(a, b, bytes) == 0; }
 
+  template <class T>
+  void go_through(const Case& c, int changes) {
+    if (folder_.empty())
+      follow<T>(c, std::min(30, changes));
+    else
+      follow_in_budget<T>(c, std::min(12, changes));
+  }
+
+  template <class T>
+  static std::vector<T> numbers(const Case& c, SparseMatrix a, const std::vector<double>& values) {
+    a.values = values;
+    return verdict::twin_of<T>(a, c.hermitian).values;
+  }
+  template <class T>
+  static std::vector<T> right_hand_side(const Case& c) {
+    std::vector<T> b;
+    for (const double v : reference::random_vector(c.a.rows, 7)) b.push_back(v);
+    return b;
+  }
+
   // What differs; empty: nothing.
-  std::string compare(Solver& partial, Solver& whole, const FactorResult& p, const FactorResult& w,
-                      const std::vector<double>& b) {
+  template <class T>
+  std::string compare(SolverOf<T>& partial, SolverOf<T>& whole, const FactorReport& p, const FactorReport& w,
+                      const std::vector<T>& b) {
     if (p.status.code != w.status.code) return "status: " + p.status.message + " / " + w.status.message;
     if (p.rank != w.rank) return fmt::format("rank {} / {}", p.rank, w.rank);
     if (p.inertia.negative != w.inertia.negative)
@@ -131,30 +159,33 @@ class Campaign {
       return fmt::format("determinant {} / {}", p.determinant_log, w.determinant_log);
     if (!p.status.ok()) return {};
     for (const Transpose t : {Transpose::no, Transpose::yes}) {
-      std::vector<double> x(b.size()), y(b.size());
+      std::vector<T> x(b.size()), y(b.size());
       (void)partial.solve(b, x, 1, t);
       (void)whole.solve(b, y, 1, t);
       for (std::size_t k = 0; k < x.size(); ++k)
-        if (!same(&x[k], &y[k], sizeof(double))) return fmt::format("x[{}]: {} / {}", k, x[k], y[k]);
+        if (!same(&x[k], &y[k], sizeof(T))) return fmt::format("x[{}]: {} / {}", k, std::real(x[k]), std::real(y[k]));
     }
     return {};
   }
 
+  template <class T>
   void follow(const Case& c, int changes) {
     Options options = c.options;
-    Solver whole(options);
+    SolverOf<T> whole(options);
     options.partial_refactorization = true;
     options.threads = 1 + static_cast<int>(below(3));
-    Solver partial(options);
-    if (!whole.analyze(c.a).status.ok() || !partial.analyze(c.a).status.ok()) return;
-    const std::vector<double> b = reference::random_vector(c.a.rows, 7);
+    SolverOf<T> partial(options);
+    const verdict::MatrixOf<T> first = verdict::twin_of<T>(c.a, c.hermitian);
+    if (!whole.analyze(first).status.ok() || !partial.analyze(first).status.ok()) return;
+    const std::vector<T> b = right_hand_side<T>(c);
     SparseMatrix a = c.a;
     std::vector<double> now = a.values;
     bool other_pattern = false;
     Tally& tally = tally_of(c);
     for (int k = 0; k <= changes; ++k) {
-      const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
-      if (!count(c, tally, k, compare(partial, whole, p, w, b), p, other_pattern)) return;
+      const std::vector<T> values = numbers<T>(c, a, now);
+      const auto w = whole.refactorize(values), p = partial.refactorize(values);
+      if (!count(c, tally, k, compare<T>(partial, whole, p, w, b), p, other_pattern)) return;
       other_pattern = below(100) < patterns_;
       if (!other_pattern) {
         verdict::change_values(now, a.values, random_);
@@ -162,58 +193,64 @@ class Campaign {
       }
       for (std::size_t times = 1 + below(8) / 7; times > 0; --times) {  // now and then nobody factorizes in between
         verdict::change_pattern(a, now, c.a, random_);
-        if (!follow_pattern(partial, whole, a)) return;
+        if (!follow_pattern<T>(partial, whole, verdict::twin_of<T>(a, c.hermitian))) return;
       }
     }
   }
 
   Tally& tally_of(const Case& c) {
+    if (c.complex) return by_kind_["complex"];
     return by_kind_[c.options.kind == Kind::llt ? "llt" : c.options.kind == Kind::lu ? "lu" : "ldlt"];
   }
 
   // Options under which a part of the factor has no room, and which suffice for these values. @returns false: none of
   // some do
+  template <class T>
   bool take_budget(const Case& c, Options& options) {
+    const verdict::MatrixOf<T> a = verdict::twin_of<T>(c.a, c.hermitian);
     const bool disk = below(2) == 0;
     options.partial_refactorization = true;
     options.device = disk ? "cpu" : "host:1";
-    const Offset all = Solver(options).analyze(c.a).predicted_bytes;
+    const Offset all = SolverOf<T>(options).analyze(a).predicted_bytes;
     if (disk) options.scratch = folder_;
     double part = 0.05 * static_cast<double>(1 + below(12));
     for (int k = 0; k < 12; ++k, part *= 1.3) {
       const auto bytes = static_cast<Offset>(part * static_cast<double>(all));
       (disk ? options.host_memory_bytes : options.device_memory_bytes) = bytes;
-      Solver probe(options);
-      if (!probe.analyze(c.a).status.ok()) return false;
-      const FactorResult f = probe.factorize(c.a);
+      SolverOf<T> probe(options);
+      if (!probe.analyze(a).status.ok()) return false;
+      const auto f = probe.factorize(a);
       if (f.status.code != StatusCode::out_of_memory)
         return !f.devices.empty() && f.devices.front().streamed_out_bytes > 0;
     }
     return false;
   }
 
+  template <class T>
   void follow_in_budget(const Case& c, int changes) {
     Options options = c.options;
     if (options.precision == Precision::mixed) options.precision = Precision::fp32;  // a factor may stay in FP64
-    if (!take_budget(c, options)) return;
-    Solver partial(options);
-    (void)partial.analyze(c.a);
-    const std::vector<double> b = reference::random_vector(c.a.rows, 7);
+    if (!take_budget<T>(c, options)) return;
+    SolverOf<T> partial(options);
+    const verdict::MatrixOf<T> a = verdict::twin_of<T>(c.a, c.hermitian);
+    (void)partial.analyze(a);
+    const std::vector<T> b = right_hand_side<T>(c);
     std::vector<double> now = c.a.values;
     Tally& tally = tally_of(c);
     for (int k = 0; k <= changes; ++k) {
-      Solver whole(options);
-      (void)whole.analyze(c.a);
-      const FactorResult w = whole.refactorize(now), p = partial.refactorize(now);
+      SolverOf<T> whole(options);
+      (void)whole.analyze(a);
+      const std::vector<T> values = numbers<T>(c, c.a, now);
+      const auto w = whole.refactorize(values), p = partial.refactorize(values);
       if (w.delayed > 0 || p.delayed > 0) return;
       if (p.status.code == StatusCode::out_of_memory) return;  // pivots have moved, and need more
-      if (!count(c, tally, k, compare(partial, whole, p, w, b), p)) return;
+      if (!count(c, tally, k, compare<T>(partial, whole, p, w, b), p)) return;
       verdict::change_values(now, c.a.values, random_);
     }
   }
 
   // @returns whether nothing was wrong
-  bool count(const Case& c, Tally& tally, int change, const std::string& wrong, const FactorResult& p,
+  bool count(const Case& c, Tally& tally, int change, const std::string& wrong, const FactorReport& p,
              bool other_pattern = false) {
     for (Tally* t : {&tally, &all_}) {
       if (!wrong.empty()) ++t->wrong;
@@ -230,7 +267,8 @@ class Campaign {
   }
 
   // Whether there is an analysis.
-  static bool follow_pattern(Solver& partial, Solver& whole, const SparseMatrix& a) {
+  template <class T>
+  static bool follow_pattern(SolverOf<T>& partial, SolverOf<T>& whole, const verdict::MatrixOf<T>& a) {
     const ChangeResult p = partial.analyze_change(a), w = whole.analyze_change(a);
     if (p.analysis.status.code != w.analysis.status.code || p.full != w.full || p.reordered != w.reordered)
       throw std::runtime_error("analyze_change() depends on partial_refactorization");
@@ -238,7 +276,7 @@ class Campaign {
   }
 
   static void print(const std::string& kind, const Tally& t) {
-    fmt::print("{:5} {:7} changes: {} made some fronts, {} none, {} all, {} without a factor; {} wrong", kind,
+    fmt::print("{:7} {:7} changes: {} made some fronts, {} none, {} all, {} without a factor; {} wrong", kind,
                t.changes, t.some, t.none, t.all, t.refused, t.wrong);
     fmt::print("; {} of the pattern, {} of which kept some\n", t.patterns, t.followed);
   }

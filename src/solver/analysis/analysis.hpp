@@ -127,7 +127,7 @@ class FreshOrder;
 /// it
 /// @param numbers  whether a factor's are there, of which the next one is to keep what it can
 /// @throws Error(singular) naming rows of which no entry is left, where singular matrices are errors
-FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& a, const Context& context,
+FollowedAnalysis follow_pattern(const Analysis& before, const GivenMatrix& a, const Context& context,
                                 FreshOrder* fresh = nullptr, bool numbers = false);
 
 /// The same system with this tree.

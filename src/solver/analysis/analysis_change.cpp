@@ -173,9 +173,9 @@ struct NextTree {
 NextTree next_tree(const Analysis& before, const System& system, const PatternDifference& difference, FreshOrder* fresh,
                    const Context& context) {
   constexpr double kWorthIt = 1.005;
-  const bool part = !before.plan.row_begin.empty();
+  const bool part = !before.plan.row_begin.empty() && !before.system->real_form;
   const analysis::AssemblyTree parts = part ? whole_tree(before.plan, context.link) : analysis::AssemblyTree();
-  NextTree next{follow_tree(part ? parts : before.plan.tree, system, difference, context.pool), false, 0, 0};
+  NextTree next{follow_tree(part ? parts : before.own_tree(), system, difference, context.pool), false, 0, 0};
   const auto changed = static_cast<Offset>(difference.added.size() + difference.removed.size());
   if (fresh == nullptr || !fresh->is_due(changed) || !fresh->fits(before)) return next;
   const std::optional<analysis::AssemblyTree> ordered = fresh->take(context.pool);
@@ -219,31 +219,45 @@ FollowedAnalysis::Numbers numbers_that_stay(Analysis& made, const Analysis& befo
   return n;
 }
 
-// Whether a matrix that "auto" has found symmetric is so still.
-bool stays_symmetric(const MatrixView& a) {
-  if (a.symmetric()) return true;
-  return a.values.empty() ? matrix::structure_is_symmetric(a) : matrix::values_are_symmetric(a);
+// Whether a matrix that was symmetric, or Hermitian, is that still.
+bool stays_symmetric(const GivenMatrix& given, base::Numbers before) {
+  const MatrixView& a = given.a;
+  if (a.symmetric()) return given.numbers == before;
+  if (a.values.empty()) return matrix::structure_is_symmetric(a);
+  if (before == base::Numbers::real) return matrix::values_are_symmetric(a);
+  return matrix::values_are_symmetric(a, complex_view(given).values, before == base::Numbers::hermitian);
+}
+
+// Gives a system the real form that the analysis before has.
+analysis::AssemblyTree take_real_form(System& system, analysis::AssemblyTree tree, base::ThreadPool& pool) {
+  analysis::AssemblyTree two = doubled(tree);
+  system.real_form = make_real_form(system.prepared, std::move(tree), pool);
+  return two;
 }
 
 }  // namespace
 
-FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given, const Context& context,
+FollowedAnalysis follow_pattern(const Analysis& before, const GivenMatrix& given, const Context& context,
                                 FreshOrder* fresh, bool numbers) {
   const double start = base::now_seconds();
   Laps laps;
   check_matrix(given, context.pool);
   laps.add("check");
   FollowedAnalysis followed;
-  followed.why = reason_against(before, given, context);
+  followed.why = reason_against(before, given.a, context);
   if (!followed.why.empty()) return followed;
-  MatrixView a = given;
-  if (!context.options.analyze_values) a.values = {};
+  GivenMatrix a = given;
+  if (!context.options.analyze_values) a.a.values = {};
   const PreparedMatrix& was = before.system->prepared;
-  if (context.options.kind == Kind::automatic && before.kind() != Kind::lu && !stays_symmetric(a)) {
-    followed.why = "the matrix is not symmetric any more";
+  const bool may_be_another = context.options.kind == Kind::automatic || was.numbers != base::Numbers::real;
+  if (may_be_another && before.kind() != Kind::lu && !stays_symmetric(a, was.numbers)) {
+    followed.why = was.numbers == base::Numbers::hermitian ? "the matrix is not Hermitian any more"
+                                                           : "the matrix is not symmetric any more";
     return followed;
   }
-  (void)choose_kind(a, before.kind(), context.pool);  // llt and ldlt need a symmetric matrix
+  if (before.kind() != Kind::lu) a.numbers = was.numbers;
+  if (a.numbers == base::Numbers::real)
+    (void)choose_kind(a.a, before.kind(), context.pool);  // llt and ldlt need a symmetric matrix
   auto system = std::make_shared<System>();
   system->kind = before.kind();
   system->kind_may_change = before.system->kind_may_change;
@@ -269,15 +283,17 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   Values values = std::exchange(p.a.values, {});
   const plan::KeptEntries kept{before.plan,      tree.same,          difference.now, tree.with_pivots,
                                difference.added, difference.removed, numbers};
-  // A rank's next part has other fronts.
-  const bool keeps = before.plan.row_begin.empty() && !next.reordered;
+  // A rank's next part has other fronts, and pivots of a real form may have moved.
+  const bool of_real_form = before.system->real_form != nullptr;
+  const bool keeps = before.plan.row_begin.empty() && !next.reordered && !of_real_form;
+  if (of_real_form) tree.tree = take_real_form(*system, std::move(tree.tree), context.pool);
   const std::shared_ptr<const matrix::RowIndex> rows = share_rows(*system, before.device, context);
   Context as_before = context;
   as_before.raised = before.fp64;
-  auto made =
-      std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree.tree),
-                                         {before.device, next.reordered ? 0 : before.moved_pivots, before.free_pivots},
-                                         as_before, rows.get(), keeps ? &kept : nullptr));
+  auto made = std::make_shared<Analysis>(
+      lay_out(std::move(system), std::move(tree.tree),
+              {before.device, next.reordered || of_real_form ? 0 : before.moved_pivots, before.free_pivots}, as_before,
+              rows.get(), keeps ? &kept : nullptr));
   laps.add("plan");
   context.log("the changed pattern was followed: " + laps.text());
   made->gain_of_single = before.gain_of_single;
@@ -293,6 +309,9 @@ FollowedAnalysis follow_pattern(const Analysis& before, const MatrixView& given,
   if (!followed.why.empty()) return followed;
   if (next.reordered)
     followed.numbers.why_none = "an order from beside the work has taken the place of the one before";
+  else if (of_real_form)
+    followed.numbers.why_none =
+        "of a complex system that is factorized as a real one all is made once where the pattern has changed";
   else if (numbers)
     followed.numbers = numbers_that_stay(*made, before, tree.same, as_before);
   followed.numbers.entries = std::move(difference.now);

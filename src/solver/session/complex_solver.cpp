@@ -69,6 +69,10 @@ AnalysisResult ComplexSolver::analyze(const ComplexLocalEntries& part) {
   return solver::analysis_by(*impl_, [&] { impl_->analyze_part(solver::given(part)); });
 }
 
+ChangeResult ComplexSolver::analyze_change(const ComplexMatrixView& a) {
+  return solver::analyze_change(*impl_, "ComplexSolver::analyze_change", solver::given(a));
+}
+
 void ComplexSolver::set_rows(RowRange rows) { solver::set_rows(*impl_, "ComplexSolver::set_rows", rows); }
 
 RowRange ComplexSolver::rows() const {

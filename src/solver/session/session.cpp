@@ -127,7 +127,7 @@ void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border
 }
 
 // What fails leaves the analysis and its factor as they are.
-ChangeResult Session::analyze_change(const MatrixView& a) {
+ChangeResult Session::analyze_change(const GivenMatrix& a) {
   ChangeResult result;
   FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get(), factor->has_numbers());
   if (fresh_ != nullptr && fresh_->done()) fresh_.reset();
@@ -152,7 +152,7 @@ ChangeResult Session::analyze_change(const MatrixView& a) {
   return result;
 }
 
-ChangeResult Session::analyze_anew(const MatrixView& a, ChangeResult result) {
+ChangeResult Session::analyze_anew(const GivenMatrix& a, ChangeResult result) {
   context.log("the pattern is analyzed anew: " + result.why);
   const bool had_numbers = factor->has_numbers();
   if (link() != nullptr) {
@@ -208,12 +208,11 @@ void Session::load_given(const std::string& path, const GivenMatrix& a) {
   load_analysis(path, gathered.gather(a, link()));
 }
 
-ChangeResult Session::analyze_change_given(const MatrixView& a) {
+ChangeResult Session::analyze_change_given(const GivenMatrix& a) {
   parts = link() != nullptr;
   rows.reset();
   if (!parts) return analyze_change(a);
-  const WholeMatrix whole = gathered.gather(a, link());
-  return analyze_change(whole.a);
+  return analyze_change(gathered.gather(a, link()));
 }
 
 void Session::take(Analyzed made) {

@@ -39,11 +39,11 @@ class Session {
   /// The same with what was read from a file, in a session that has done nothing yet.
   void take_analysis(const std::string& path, SavedAnalysis saved, const GivenMatrix& a);
   /// From the analysis that is there, where little has changed. @pre factor
-  ChangeResult analyze_change(const MatrixView& a);
+  ChangeResult analyze_change(const GivenMatrix& a);
   /// The same of what the caller gives: with ranks, of rank 0's matrix.
   void analyze_given(const GivenMatrix& a);
   void load_given(const std::string& path, const GivenMatrix& a);
-  ChangeResult analyze_change_given(const MatrixView& a);
+  ChangeResult analyze_change_given(const GivenMatrix& a);
   /// The same of a part.
   template <class Local>
   void analyze_part(const GivenLocal<Local>& part) {
@@ -95,7 +95,7 @@ class Session {
   void agree_on_threads();
   void open_devices();
   void take(Analyzed made);
-  ChangeResult analyze_anew(const MatrixView& a, ChangeResult result);
+  ChangeResult analyze_anew(const GivenMatrix& a, ChangeResult result);
   void watch_drift();
 
   std::unique_ptr<FreshOrder> fresh_;  // null: no order is being made beside the work

@@ -32,6 +32,28 @@ void expect_same_system(Session& s, const MatrixView& pattern, std::size_t value
     throw Error(StatusCode::invalid_input, "the matrix has no values; a pattern cannot be factorized");
 }
 
+ChangeResult analyze_change(Session& s, const char* call, const GivenMatrix& a) {
+  check_analyzed(s, call);
+  ChangeResult result;
+  if (s.parts || s.link() != nullptr) {
+    AnalysisResult analysis = analysis_by(s, [&] {
+      if (s.link() != nullptr) return void(result = s.analyze_change_given(a));
+      s.analyze_given(a);
+      result.full = true;
+      result.why = "the matrix comes in parts";
+    });
+    result.analysis = std::move(analysis);
+    return result;
+  }
+  Status status = guarded(s, [&] {
+    s.expect_usable();
+    result = s.analyze_change_given(a);
+  });
+  result.analysis = status.ok() ? copy_of(s.analysis) : AnalysisResult{};
+  result.analysis.status = std::move(status);
+  return result;
+}
+
 ConditionResult condition_of(Session& s, const char* call) {
   check_factorized(s, call);
   ConditionResult r;

@@ -159,6 +159,7 @@ void set_refinement(Session& s, int steps, double required_backward_error);
 /// `pattern` and the number of values, of a matrix that is valid, against the analysis.
 /// @throws Error(invalid_input)
 void expect_same_system(Session& s, const MatrixView& pattern, std::size_t values);
+ChangeResult analyze_change(Session& s, const char* call, const GivenMatrix& a);
 ConditionResult condition_of(Session& s, const char* call);
 Status save_analysis(Session& s, const char* call, const std::string& path);
 Status write_trace(Session& s, const char* call, const std::string& path);

@@ -55,25 +55,7 @@ RowRange Solver::rows() const {
 }
 
 ChangeResult Solver::analyze_change(const MatrixView& a) {
-  solver::check_analyzed(*impl_, "Solver::analyze_change");
-  ChangeResult result;
-  if (impl_->parts || impl_->link() != nullptr) {
-    AnalysisResult analysis = analysis_by(*impl_, [&] {
-      if (impl_->link() != nullptr) return void(result = impl_->analyze_change_given(a));
-      impl_->analyze_given(a);
-      result.full = true;
-      result.why = "the matrix comes in parts";
-    });
-    result.analysis = std::move(analysis);
-    return result;
-  }
-  Status status = guarded(*impl_, [&] {
-    impl_->expect_usable();
-    result = impl_->analyze_change_given(a);
-  });
-  result.analysis = status.ok() ? copy_of(impl_->analysis) : AnalysisResult{};
-  result.analysis.status = std::move(status);
-  return result;
+  return solver::analyze_change(*impl_, "Solver::analyze_change", a);
 }
 
 FactorResult Solver::factorize(const MatrixView& a) {
