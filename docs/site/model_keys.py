@@ -80,7 +80,7 @@ SECTIONS = (
     ("", "read_markers.cpp", "read_weights", (), (("Markers", "key"),)),
     ("", "read_markers.cpp", "read_along", (), (("Markers", "key"),)),
     ("Axes of a marker", "read_markers.cpp", "read_axes", (), (("Markers", "key"),)),
-    ("Frames of a joint or force", "read_joints.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
+    ("Frames of a joint or force", "read_markers.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
     ("[supports]", "read_supports.cpp", "read_supports", (), (("The text", "at the top"),)),
     ("[supports.NAME]", "read_supports.cpp", "read_support", (), (("Supports", "key"),)),
     ("", "read_supports.cpp", "read_hold", (), (("Supports", "key"),)),
@@ -105,15 +105,21 @@ SECTIONS = (
     ("Joint rack-pair", "joint_kinds/rack_pair.cpp", "read_rack_pair", (), (("Wheels, racks and worms", "key"),)),
     ("Joint worm", "joint_kinds/worm.cpp", "read_worm", (), (("Wheels, racks and worms", "key"),)),
     ("Joint cable", "joint_kinds/cable.cpp", "read_cable_joint", (), (("Cables through rings", "key"),)),
-    ("", "read_joints.cpp", "read_through", (), (("Cables through rings", "key"),)),
+    ("", "read_markers.cpp", "read_through", (), (("Cables through rings", "key"),)),
     ("Limits and friction of a joint", "read_contacts.cpp", "read_joint_contacts", (), (("Limits", ""),)),
     ("`limits` of a joint", "read_contacts.cpp", "read_limits", (), (("Limits", "key"),)),
     ("`friction` of a joint", "read_contacts.cpp", "read_friction", (), (("Limits", "key"),)),
     ("[forces.NAME]", "read_joints.cpp", "read_force", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Springs", "read_joints.cpp", "read_spring", (), (("Expressions", "key"),)),
-    ("Force guide", "read_joints.cpp", "read_guide", (), (("Forces", "type"),)),
-    ("Loads on a body", "read_joints.cpp", "read_body_load", (), (("Forces", "type"),)),
-    ("Force cable", "read_joints.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
+    ("Springs", "force_kinds/springs.cpp", "read_spring", (), (("Expressions", "key"),)),
+    ("Force bushing", "force_kinds/springs.cpp", "read_bushing", (), (("Forces", "type"),)),
+    ("Force load", "force_kinds/loads.cpp", "read_load", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Force line-load", "force_kinds/loads.cpp", "read_line_load", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Force pressure", "force_kinds/loads.cpp", "read_pressure", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Force torque-motor", "force_kinds/motors.cpp", "read_torque_motor", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Force force-motor", "force_kinds/motors.cpp", "read_force_motor", (), (("Forces", "type"), ("Expressions", "key"))),
+    ("Force guide", "force_kinds/guide.cpp", "read_guide", (), (("Forces", "type"),)),
+    ("Loads on a body", "force_kinds/loads.cpp", "read_body_load", (), (("Forces", "type"),)),
+    ("Force cable", "force_kinds/cable.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
     ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
     ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),
     ("[controllers]", "read_controllers.cpp", "read_controllers", (), (("The text", "at the top"),)),
@@ -249,6 +255,7 @@ def default_of(kind, args, structs, fields):
 
 
 NAMES = {}
+KINDS = {"joint_kinds": "joints", "force_kinds": "forces"}  # rooms of rows, and the sections that they read
 
 
 def name_lists():
@@ -262,10 +269,11 @@ def name_lists():
                 NAMES.setdefault(m[1], re.findall(r'"([\w-]+)"', m[2]))
             for m in re.finditer(r"constexpr \w+Row (\w+)\[\] = \{(.*?)\};", text, re.S):  # a row a kind, its name first
                 NAMES[m[1]] = re.findall(r'\{"([\w-]+)"', m[2])
-        rows = "".join(f.read_text() for f in sorted(MODEL.glob("joint_kinds/*.cpp")))
-        names = dict(re.findall(r'const JointKind (\w+) = \{[^"]*?\.name = "([\w-]+)"', rows))
-        listed = re.search(r"kJointKinds\[\] = \{([^}]*)\}", (MODEL / "joint_kinds/kind.hpp").read_text())[1]
-        NAMES["kJointKinds"] = [names[row] for row in re.findall(r"&(\w+)", listed)]
+        for room in KINDS:  # a row a kind in files of its own
+            rows = "".join(f.read_text() for f in sorted(MODEL.glob(f"{room}/*.cpp")))
+            names = dict(re.findall(r'const \w+Kind (\w+) = \{[^"]*?\.name = "([\w-]+)"', rows))
+            table, listed = re.search(r"(k\w+Kinds)\[\] = \{([^}]*)\}", (MODEL / room / "kind.hpp").read_text()).groups()
+            NAMES[table] = [names[row] for row in re.findall(r"&(\w+)", listed)]
     return NAMES
 
 
@@ -384,7 +392,7 @@ def mentioned(key, text):
 READS = {**{f"read_{f}.cpp": "bodies materials" for f in ("bodies", "materials", "rigid_bodies", "body_damping", "solids", "meshers", "thin_bodies")},
          "read_joints.cpp": "markers joints forces supports", "read_supports.cpp": "supports",
          "read_equations.cpp": "equations ties", "read_contacts.cpp": "joints", "read_surfaces.cpp": "surfaces contacts", "read_events.cpp": "events inputs",
-         "read_splines.cpp": "splines", **{f"joint_kinds/{f.name}": "joints" for f in sorted(MODEL.glob("joint_kinds/*.cpp"))}, "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
+         "read_splines.cpp": "splines", **{f"{room}/{f.name}": section for room, section in KINDS.items() for f in sorted(MODEL.glob(f"{room}/*.cpp"))}, "read_harmonic.cpp": "harmonic", "read_model.cpp": " integrator statics initial output"}
 NUMBERS = ("number", "list of numbers", "list of three", "list of points", "three numbers", "rotation", "function", "expression", "time")
 
 
@@ -413,7 +421,7 @@ def collect():
     fields, complaints, sections = members(), [], []
     rows = guide_rows()
     text_of_guide = "\n".join((ROOT / "docs/guide" / p).read_text() for p in GUIDE)
-    readers = [*((f.name, f) for f in MODEL.rglob("read_*.cpp")), *((f"joint_kinds/{f.name}", f) for f in MODEL.glob("joint_kinds/*.cpp"))]
+    readers = [*((f.name, f) for f in MODEL.rglob("read_*.cpp")), *((f"{room}/{f.name}", f) for room in KINDS for f in MODEL.glob(f"{room}/*.cpp"))]
     sources = {name: f.read_text() for name, f in sorted(readers)}
     seen = {name: set() for name in sources}
     for title, file, function, structs, tables in SECTIONS:

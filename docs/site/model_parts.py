@@ -53,16 +53,16 @@ PARTS = {
     "forces": {
         **{t: (f"read_spring read_force {_FRAMES}", _TWO + "stiffness damping rest preload actuator", "")
            for t in ("spring", "axial-spring", "rotational-spring")},
-        "bushing": (f"read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
-        "load": ("read_force read_frames read_body_load", "type a force moment factor follower active body element_set acceleration"
+        "bushing": (f"read_bushing read_force {_FRAMES}", _TWO + "stiffness damping angular_stiffness angular_damping", ""),
+        "load": ("read_force read_frames read_load read_body_load", "type a force moment factor follower active body element_set acceleration"
                  " force_density angular_velocity point", ""),
-        "line-load": ("read_force read_where read_nodes read_along", "type body element_set node near face nodes along edge radius bore force moment factor follower active", "body"),
-        "pressure": ("read_force", "type body face pressure active", "body face pressure"),
+        "line-load": ("read_force read_line_load read_where read_nodes read_along", "type body element_set node near face nodes along edge radius bore force moment factor follower active", "body"),
+        "pressure": ("read_force read_pressure", "type body face pressure active", "body face pressure"),
         "guide": (f"read_force_guide read_force {_FRAMES}", _TWO + "stiffness damping friction slip_speed smoothing both_sides start direction"
                   " lengths curvatures", "stiffness smoothing lengths curvatures"),
         "cable": ("read_through read_cable_force read_force", "type through stiffness damping length friction slip_speed active", "through stiffness"),
-        "torque-motor": (f"read_force {_FRAMES}", _TWO + "torque", "torque"),
-        "force-motor": (f"read_force {_FRAMES}", _TWO + "force", "force")},
+        "torque-motor": (f"read_force read_torque_motor {_FRAMES}", _TWO + "torque", "torque"),
+        "force-motor": (f"read_force read_force_motor {_FRAMES}", _TWO + "force", "force")},
     "surfaces": {t: ("read_surface read_surface_axes", _SURFACE + more, "body " + needed) for t, more, needed in (
         ("plane", "point normal rotation", ""), ("sphere", "point radius", "radius"),
         ("capsule", "point radius length axis rotation", "radius length"), ("cylinder", "point radius length axis rotation", "radius length"),

@@ -292,7 +292,7 @@ class Parts:
         node: whole number, default 0. flexible: one node by its label in the mesh file; beams, cables, shells:
             counted from 1, -1 the last
         near: list of three numbers [length]. flexible: the node nearest to this place (mesh coordinates)
-        face: text
+        face: text. solids: a face set, held as attach says
         nodes: a name or a list of labels. flexible: several nodes, a node set by its name (of a shell "all") or a
             list of labels as of node: [31, 90]. The frame is at their mean
         along: list of numbers. beams and cables made by dimensions: the node nearest to this share of the length, 0
@@ -303,8 +303,8 @@ class Parts:
         radius: number > 0 [length]
         bore: {point, axis, radius, length}. solids: { point, axis, radius, length }, the outer faces on a cylinder
             (mesh coordinates), for meshes without face sets
-        force: three numbers or expressions [force/length]. each component a number or an expression
-        moment: three numbers or expressions [force]. each component a number or an expression
+        force: list of three numbers [force/length], default [0, 0, 0]. each component a number or an expression
+        moment: list of three numbers [force], default [0, 0, 0]. each component a number or an expression
 
         type "pressure" (body, active as above):
         face: text, needed

@@ -132,6 +132,7 @@ struct JointSpec {
   Attach attach = Attach::automatic;             ///< of its frames that do not say it themselves
 };
 
+/// What these are called, read and make: a row each in force_kinds/.
 enum class ForceType {
   spring,
   axial_spring,
@@ -145,7 +146,6 @@ enum class ForceType {
   cable,
   line_load
 };
-[[nodiscard]] const std::vector<std::string>& force_type_names();
 
 /// A path in the x-y plane of a frame: straight pieces and arcs, one after the other (see forces/guide.hpp).
 struct GuideSegment {

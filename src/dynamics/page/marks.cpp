@@ -4,6 +4,7 @@
 
 #include "dynamics/contact/geometry/outline.hpp"
 #include "dynamics/joints/space_curve.hpp"
+#include "dynamics/model/force_kinds/kind.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/skin_faces.hpp"
 
@@ -70,7 +71,7 @@ Marks::Marks(const model::Mechanism& mechanism, const model::Description& model)
     for (const model::ForceSpec& spec : model.forces)
       if (spec.name == built.force->name()) {
         frames = spec.frames;
-        kind = model::force_type_names()[static_cast<std::size_t>(spec.type)];
+        kind = model::force_kind(spec.type).name;
       }
     marks.push_back(mark_json(built.force->name(), "force", kind, body_names(frames, model)));
   }

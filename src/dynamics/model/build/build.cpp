@@ -5,7 +5,6 @@
 
 #include "dynamics/bodies/modal_damping.hpp"
 #include "dynamics/forces/body_load.hpp"
-#include "dynamics/forces/guide.hpp"
 #include "dynamics/joints/relative.hpp"
 #include "dynamics/model/assembly/line_body.hpp"
 #include "dynamics/model/assembly/line_loads.hpp"
@@ -17,6 +16,7 @@
 #include "dynamics/model/build/joint_frames.hpp"
 #include "dynamics/model/build/reach.hpp"
 #include "dynamics/model/erosion/erosion.hpp"
+#include "dynamics/model/force_kinds/kind.hpp"
 #include "dynamics/model/joint_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
@@ -146,33 +146,6 @@ class Builder {
                               [&](double initial) { return motion(j, initial); }));
   }
 
-  SpringLaw spring_law(const ForceSpec& f, Relative kind, int axis) {
-    SpringLaw law;
-    law.stiffness = f.stiffness;
-    law.damping = f.damping;
-    law.rest = f.measured ? measure(kind, axis, f.frames) : f.rest;
-    law.preload = f.preload;
-    return law;
-  }
-
-  /// The order of the inputs is that of build_functions(): components, then the factor.
-  [[nodiscard]] LoadLaw load_law(const ForceSpec& f) const {
-    LoadLaw law;
-    law.force = f.linear;
-    law.moment = f.angular;
-    law.follower = f.follower;
-    int next = 0;
-    for (std::size_t k = 0; k < 6; ++k)
-      if (f.components[k]) law.input[k] = next++;
-    if (f.formula || out_.drives.contains(f.name)) law.input[6] = next;
-    return law;
-  }
-
-  static std::unique_ptr<FrameForce> motor(const ForceSpec& f, FramePtr a, FramePtr b,
-                                           CoordinateForce::Coordinate coordinate) {
-    return std::make_unique<CoordinateForce>(f.name, std::move(a), std::move(b), std::move(coordinate), motor_law());
-  }
-
   void add_force(const ForceSpec& given) {
     if (given.type == ForceType::pressure) {
       add_pressure(given);
@@ -253,13 +226,11 @@ class Builder {
 
   /// Moments and directions of a place without axes would be lost without a word.
   static void check_axes(const ForceSpec& f, const Frame& a, const Frame* b) {
+    const ForceKind& kind = force_kind(f.type);
     const bool moments =
-        f.type == ForceType::rotational_spring || f.type == ForceType::torque_motor || !f.angular.isZero() ||
-        !f.angular_damping.isZero() ||
+        kind.moments || !f.angular.isZero() || !f.angular_damping.isZero() ||
         std::any_of(f.components.begin() + 3, f.components.end(), [](const auto& c) { return c.has_value(); });
-    const bool directions = moments || f.follower || f.type == ForceType::axial_spring ||
-                            f.type == ForceType::force_motor || f.type == ForceType::bushing ||
-                            f.type == ForceType::guide;
+    const bool directions = moments || f.follower || kind.directions;
     if ((directions && !a.has_rotation()) || (moments && b != nullptr && !b->has_rotation()))
       throw std::invalid_argument(
           "needs a frame with axes, which nodes and point masses do not have; attach it to a rigid body, to a face, or "
@@ -270,39 +241,9 @@ class Builder {
   std::unique_ptr<FrameForce> make_force(const ForceSpec& f) {
     FramePtr a = frames_.make(f.frames[0]), b = f.frames.size() > 1 ? frames_.make(f.frames[1]) : nullptr;
     check_axes(f, *a, b.get());
-    switch (f.type) {
-      case ForceType::spring:
-        return spring_damper(f.name, std::move(a), std::move(b), spring_law(f, Relative::distance, 0));
-      case ForceType::axial_spring:
-        return axial_spring(f.name, std::move(a), std::move(b), spring_law(f, Relative::along, 2));
-      case ForceType::rotational_spring:
-        return rotational_spring(f.name, std::move(a), std::move(b), spring_law(f, Relative::angle, 0));
-      case ForceType::bushing:
-        return bushing(f.name, std::move(a), std::move(b), {f.linear, f.linear_damping, f.angular, f.angular_damping});
-      case ForceType::load:
-        return load(f.name, std::move(a), load_law(f));
-      case ForceType::torque_motor:
-        return motor(f, std::move(a), std::move(b), {Relative::angle, 0});
-      case ForceType::force_motor:
-        return motor(f, std::move(a), std::move(b), {Relative::along, 2});
-      case ForceType::guide: {
-        GuideLaw law;
-        law.path = GuidePath(f.start, f.direction);
-        for (const GuideSegment& s : f.segments) law.path.add(s.length, s.curvature);
-        law.stiffness = f.stiffness;
-        law.damping = f.damping;
-        law.friction = f.friction;
-        law.slip_speed = f.slip_speed;
-        law.smoothing = f.smoothing;
-        law.both_sides = f.both_sides;
-        return guide(f.name, std::move(a), std::move(b), law);
-      }
-      case ForceType::cable:
-      case ForceType::pressure:
-      case ForceType::line_load:
-        break;
-    }
-    throw std::logic_error("a type of force is missing in the builder");
+    const ForceStart start{[&](Relative kind, int axis) { return measure(kind, axis, f.frames); },
+                           out_.drives.contains(f.name)};
+    return force_kind(f.type).make(f, std::move(a), std::move(b), start);
   }
 
   const Description& model_;

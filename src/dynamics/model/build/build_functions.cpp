@@ -13,6 +13,7 @@
 #include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/build/functions.hpp"
 #include "dynamics/model/controllers/controllers.hpp"
+#include "dynamics/model/force_kinds/kind.hpp"
 #include "dynamics/model/joint_kinds/kind.hpp"
 #include "dynamics/model/joint_kinds/wheels.hpp"
 
@@ -122,7 +123,7 @@ class FunctionBuilder {
       if (component) inputs.push_back(make(*component));
     const auto drive = out_.drives.find(spec.name);
     if (drive != out_.drives.end()) {
-      const double otherwise = spec.type == ForceType::load || spec.type == ForceType::line_load ? 1 : 0;
+      const double otherwise = force_kind(spec.type).factor;
       inputs.push_back(std::make_shared<DrivenFunction>(
           spec.formula ? make(*spec.formula) : constant_function(otherwise), drive->second));
     } else if (spec.formula) {

@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "dynamics/bodies/carried_frame.hpp"
+#include "dynamics/model/force_kinds/kind.hpp"
 #include "dynamics/model/joint_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
@@ -23,9 +24,7 @@ std::vector<Pair> axes_of(JointType type) {
 }
 
 std::vector<Pair> axes_of(ForceType type) {
-  const bool about_an_axis = type == ForceType::axial_spring || type == ForceType::rotational_spring ||
-                             type == ForceType::torque_motor || type == ForceType::force_motor;
-  return about_an_axis ? std::vector<Pair>{{0, 1}} : std::vector<Pair>{};
+  return force_kind(type).has_axis ? std::vector<Pair>{{0, 1}} : std::vector<Pair>{};
 }
 
 /// The axes of one marker for another, in the initial state.
@@ -79,7 +78,7 @@ void check_both_axes(const JointSpec& j, const JointKind& kind) {
 bool turns_frame(const JointKind& kind, std::size_t frame) { return frame == 0 ? kind.turns_a : kind.turns_b; }
 
 bool turns_frames(const ForceSpec& f) {
-  if (f.type != ForceType::load) return f.type != ForceType::spring && f.type != ForceType::cable;
+  if (f.type != ForceType::load) return force_kind(f.type).turns;
   return f.follower || !f.angular.isZero() ||
          std::any_of(f.components.begin() + 3, f.components.end(), [](const auto& c) { return c.has_value(); });
 }
@@ -148,7 +147,7 @@ ForceSpec completed(const ForceSpec& force, const FrameBuilder& frames, const Me
     if (turns_frames(force)) give_axes(m);
     check_attach(m, built);
   }
-  complete_axes(out, force_type_names()[static_cast<std::size_t>(force.type)], frames);
+  complete_axes(out, force_kind(force.type).name, frames);
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <numbers>
 
 #include "dynamics/model/description.hpp"
+#include "dynamics/model/force_kinds/kind.hpp"
 
 namespace espalier::dynamics::model {
 namespace {
@@ -91,10 +92,10 @@ void check_part(const HarmonicSpec::Excitation& part, const Description& model) 
   for (const ForceSpec& force : model.forces) {
     names.push_back(force.name);
     if (force.name != part.of) continue;
-    if (force.type == ForceType::bushing || force.type == ForceType::guide || force.type == ForceType::cable)
+    if (!force_kind(force.type).driven)
       fail(part.place, fmt::format("'{}' is a {}, which nothing drives; loads are forces of the types load, line-load, "
                                    "pressure, spring (its actuator), torque-motor and force-motor, motors, and inputs",
-                                   part.of, force_type_names()[static_cast<std::size_t>(force.type)]));
+                                   part.of, force_kind(force.type).name));
     if (!force.active) fail(part.place, fmt::format("the force '{}' is switched off (active = false)", part.of));
     return;
   }

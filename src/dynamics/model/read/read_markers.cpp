@@ -8,6 +8,16 @@
 namespace espalier::dynamics::model {
 namespace {
 
+MarkerSpec global_marker(const Place& place, const std::string& body, const Vec3& point, const Mat3& axes) {
+  MarkerSpec m;
+  m.place = place;
+  m.body = body;
+  m.point = point;
+  m.axes = axes;
+  m.global = true;
+  return m;
+}
+
 /// The name of a node set, or labels of nodes.
 void read_nodes(Section& s, MarkerSpec& m) {
   const Value* nodes = s.value("nodes");
@@ -126,6 +136,55 @@ void read_where(Section& s, MarkerSpec& m) {
     if (!m.point_given) m.point = m.bore->point;
     m.point_given = true;
   }
+}
+
+std::vector<MarkerSpec> read_frames(Section& s, std::size_t count) {
+  std::vector<MarkerSpec> frames;
+  if (s.has("bodies")) {
+    const std::vector<std::string> bodies = s.texts("bodies");
+    if (count != 2 || bodies.size() != 2)
+      fail(s.place("bodies"), "must be a list of two names (or give frames a, b, ...)");
+    const Vec3 at = s.vector("at");
+    bool given = false;
+    const Mat3 axes = read_axes(s, given);
+    for (const std::string& body : bodies) {
+      frames.push_back(global_marker(s.place("bodies"), body, at, axes));
+      frames.back().axis_given = given;
+    }
+    return frames;
+  }
+  for (const char* key : {"at", "axis", "x_axis", "rotation"})
+    if (s.has(key))
+      fail(
+          s.place(key),
+          "goes with bodies = [..]; beside frames a and b it belongs into one of them: a = { body = ..., point = [..], "
+          "axis = [..] }");
+  static const char* const kKeys[] = {"a", "b", "c", "d"};
+  for (std::size_t k = 0; k < count; ++k) {
+    const Value* value = s.value(kKeys[k]);
+    if (value == nullptr) {
+      fail(s.place(),
+           fmt::format(
+               "needs a frame '{}': {{ body = ..., point = ... }}, or the name of a marker, a body or \"ground\"{}",
+               kKeys[k], count == 2 ? ", or the short form bodies = [..], at = [..]" : ""));
+    }
+    frames.push_back(read_marker(*value, ""));
+  }
+  return frames;
+}
+
+std::vector<MarkerSpec> read_through(Section& s) {
+  const Value* list = s.value("through");
+  const auto most = static_cast<std::size_t>(FrameBlocks::kMostFrames);
+  if (list == nullptr || list->type != Value::Type::array || list->items.size() < 2 || list->items.size() > most)
+    fail(list == nullptr ? s.place() : list->place,
+         fmt::format(
+             "needs 'through', a list of 2 to {} frames: where the cable begins, the rings that it goes through, "
+             "and where it ends; each {{ body = ..., point = ... }} or the name of a marker",
+             most));
+  std::vector<MarkerSpec> frames;
+  for (const Value& item : list->items) frames.push_back(read_marker(item, ""));
+  return frames;
 }
 
 }  // namespace espalier::dynamics::model
