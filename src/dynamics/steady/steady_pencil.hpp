@@ -4,7 +4,7 @@
 
 #include <map>
 
-#include "dynamics/integrators/level_derivatives.hpp"
+#include "dynamics/integrators/derivatives/level_derivatives.hpp"
 #include "dynamics/integrators/linearised.hpp"
 #include "dynamics/steady/vector_coordinates.hpp"
 

@@ -6,7 +6,7 @@
 #include <memory>
 #include <vector>
 
-#include "dynamics/integrators/step_adjoint.hpp"
+#include "dynamics/integrators/derivatives/step_adjoint.hpp"
 #include "dynamics/model/derivatives/quantity_slopes.hpp"
 
 namespace espalier::dynamics::model {

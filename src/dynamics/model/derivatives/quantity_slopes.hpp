@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "dynamics/integrators/step_adjoint.hpp"
+#include "dynamics/integrators/derivatives/step_adjoint.hpp"
 #include "dynamics/model/output/quantities.hpp"
 #include "dynamics/model/output/scene.hpp"
 

@@ -7,7 +7,7 @@
 #include <deque>
 #include <memory>
 
-#include "dynamics/integrators/sensitivity.hpp"
+#include "dynamics/integrators/derivatives/sensitivity.hpp"
 #include "dynamics/model/derivatives/run_differences.hpp"
 #include "dynamics/model/run/runner.hpp"
 #include "espalier/sensitivities.hpp"

@@ -1,4 +1,4 @@
-#include "dynamics/integrators/step_adjoint.hpp"
+#include "dynamics/integrators/derivatives/step_adjoint.hpp"
 
 #include <fmt/format.h>
 

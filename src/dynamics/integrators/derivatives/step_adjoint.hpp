@@ -7,8 +7,8 @@
 
 #include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/dae/equations.hpp"
-#include "dynamics/integrators/chart_rates.hpp"
-#include "dynamics/integrators/level_derivatives.hpp"
+#include "dynamics/integrators/derivatives/chart_rates.hpp"
+#include "dynamics/integrators/derivatives/level_derivatives.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::dynamics {

@@ -1,4 +1,4 @@
-#include "dynamics/integrators/sensitivity.hpp"
+#include "dynamics/integrators/derivatives/sensitivity.hpp"
 
 #include <fmt/format.h>
 

@@ -1,4 +1,4 @@
-#include "dynamics/integrators/chart_rates.hpp"
+#include "dynamics/integrators/derivatives/chart_rates.hpp"
 
 #include <algorithm>
 #include <array>

@@ -7,7 +7,7 @@
 
 #include "base/at.hpp"
 #include "dynamics/dae/products.hpp"
-#include "dynamics/integrators/step_adjoint.hpp"
+#include "dynamics/integrators/derivatives/step_adjoint.hpp"
 
 namespace espalier::dynamics {
 namespace {

@@ -1,4 +1,4 @@
-#include "dynamics/integrators/level_derivatives.hpp"
+#include "dynamics/integrators/derivatives/level_derivatives.hpp"
 
 #include <array>
 #include <utility>
