@@ -161,6 +161,8 @@ double scale_values(const PreparedMatrix& p, const Scales& scales, std::span<con
 /// Place of each column in the order of elimination; empty unless the matrix is Hermitian.
 std::vector<Index> positions_for(const PreparedMatrix& p, std::span<const Index> order);
 
+/// Sums of the diagonal entries of each column.
+[[nodiscard]] std::vector<double> diagonal(const MatrixView& a, base::ThreadPool& pool);
 /// |a_ij|, or of real matrices the values themselves.
 std::vector<double> magnitudes(base::Numbers numbers, std::span<const double> values);
 
