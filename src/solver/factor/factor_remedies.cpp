@@ -6,6 +6,7 @@
 
 #include "solver/factor/factor.hpp"
 #include "solver/options/option_text.hpp"
+#include "solver/ranks/whole_plan.hpp"
 
 namespace espalier::solver {
 
