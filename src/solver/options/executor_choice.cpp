@@ -154,17 +154,31 @@ Offset least_left_for_disk(const DeviceChoice& device, const Job& job, Offset le
     const std::vector<Offset> bytes = arenas_beside_disk<T>(device, job, with);
     return *std::min_element(bytes.begin(), bytes.end());
   };
-  for (left = std::max<Offset>(left, 0);;) {
+  // `with` where so much does; else more, and no less than what is known to be missing.
+  const auto at_least = [&](Offset with) {
+    const Offset step = kLeast + with / kParts;
     try {
-      (void)disk_forecast<T>(device, job, left, context);
-      return left;
+      (void)disk_forecast<T>(device, job, with, context);
     } catch (const out_of_core::BudgetTooSmall& e) {
-      do left += kLeast + left / kParts;
-      while (arena(left) < e.needed());
+      do with += step;
+      while (arena(with) < e.needed());
     } catch (const out_of_core::WindowTooSmall& e) {
-      left += std::max(e.missing(), kLeast + left / kParts);
+      with += std::max(e.missing(), step);
     }
+    return with;
+  };
+  // Each attempt lays out a plan: so much that does is looked for by quarters, then the least by halves.
+  Offset enough = std::max<Offset>(left, 0), below = enough;
+  for (Offset least = 0; (least = at_least(enough)) != enough; enough = std::max(least, enough + enough / 4))
+    below = least;
+  while (enough - below > kLeast + below / kParts) {
+    const Offset middle = below + (enough - below) / 2, least = at_least(middle);
+    if (least == middle)
+      enough = middle;
+    else
+      below = least;
   }
+  return enough;
 }
 
 // make(), where the budget leaves so much for a factor on disk. @throws Error(out_of_memory) naming a budget that does
