@@ -154,11 +154,11 @@ class Sequence:
 
     def change(self):
         """An entry more."""
-        if self.solver.analysis is None or self.complex or self.symmetry not in ("general", "lower"):
+        if self.solver.analysis is None or self.symmetry not in ("general", "lower"):
             return
         n = self.given.shape[0]
         i, j = sorted((int(k) for k in self.random.integers(0, n, 2)), reverse=True)
-        new = (self.given.tocsc() + sp.csc_array(([1e-3], ([i], [j])), shape=(n, n))).asformat(self.given.format)
+        new = (self.given.tocsc() + sp.csc_array(([1e-3 + 2e-3j if self.complex else 1e-3], ([i], [j])), shape=(n, n))).asformat(self.given.format)
         self.truth = None
         self.solver.analyze_change(new)
         self.given = new
@@ -217,18 +217,20 @@ class Sequence:
         self.solver = other
 
     def around(self):
-        """An unknown that is gone and one that has come, with A and A^T."""
-        if self.truth is None or self.complex or len(self.truth) < 3:
+        """An unknown that is gone and one that has come, with A, A^T and A^H."""
+        if self.truth is None or len(self.truth) < 3:
             return
         n = len(self.truth)
         changed = esp.ChangedSystem(self.solver)
         g, h = self.random.uniform(-1, 1, n), self.random.uniform(-1, 1, n)
+        if self.complex:
+            g = g + 1j * self.random.uniform(-1, 1, n)
         changed.add(g, h[None, :], [[4.0 * n]])
         gone = int(self.random.integers(n))
         changed.remove([gone])
         kept = np.delete(np.arange(n + 1), gone)
         full = np.block([[self.truth, g[:, None]], [h[None, :], np.array([[4.0 * n]])]])[np.ix_(kept, kept)]
-        for transpose, op in ((False, full), (True, full.T)):
+        for transpose, op in ((False, full), (True, full.T), ("H", full.conj().T)):
             b = self.random.uniform(-1, 1, n + 1)
             x = changed.solve(b, transpose=transpose)
             scale = abs(op).sum(axis=1).max() * abs(x).max() + 1
