@@ -43,7 +43,7 @@ class OutOfCoreLayout {
   [[nodiscard]] virtual const plan::Plan& plan() const = 0;
   [[nodiscard]] virtual Offset element_bytes() const = 0;
   /// All tasks, in an order in which any subset of fronts can be carried out.
-  [[nodiscard]] virtual const std::vector<plan::Task>& order() const = 0;
+  [[nodiscard]] virtual const plan::TaskList& order() const = 0;
   [[nodiscard]] virtual const plan::ArraySizes& sizes() const = 0;
   /// Start of pivot block column `column` in the factor array of front f; column == pivot tiles: its size.
   [[nodiscard]] virtual Offset factor_offset(Index f, Index column) const = 0;

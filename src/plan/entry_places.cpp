@@ -267,7 +267,7 @@ void place_entries(Plan& plan, const EntrySource& from, base::ThreadPool& pool, 
   const ChangedEntries changed(plan, from.a, permuted.row_position, permuted.column_position, kept);
   const std::vector<Offset> begin =
       kept != nullptr || part ? count_others(plan, permuted, kept, changed, pool) : count_entries(plan, permuted, pool);
-  plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
+  plan.entry_ptr.resize(static_cast<std::size_t>(plan.tiles()) + 1);
   plan.entries.resize(static_cast<std::size_t>(begin.back()));
   std::vector<Index> draw{0};  // its first front; the large fronts at the end, most of them alone, are taken first
   for (Index f = 0; f < plan.fronts(); ++f)
@@ -311,7 +311,7 @@ void place_entries_as_before(Plan& plan, const Plan& before, std::span<const Ind
   const ChangedEntries changed(plan, from.a, permuted.row_position, permuted.column_position, nullptr);
   FrontEntries front(plan, permuted, changed);
   std::vector<Offset> at;
-  plan.entry_ptr.assign(static_cast<std::size_t>(plan.tiles()) + 1, 0);
+  plan.entry_ptr.resize(static_cast<std::size_t>(plan.tiles()) + 1);
   plan.entries.resize(before.entries.size());
   Offset begin = 0;
   for (Index f = 0; f < plan.fronts(); ++f) {

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <deque>
 #include <map>
+#include <numeric>
 #include <utility>
 
 #include "plan/heap.hpp"
@@ -83,6 +84,7 @@ class MemoryPlanner {
     contribution_.assign(n, {});
     work_.assign(n, {});
     m_.device_size.assign(static_cast<std::size_t>(plan_.ownership.devices), 0);
+    find_turns();
     place();
     if (backwards()) place_backwards();
     share_memory();
@@ -103,8 +105,26 @@ class MemoryPlanner {
     return sizes_ != nullptr ? sizes_->contribution[f] : round(plan_.layout[f].contribution_size());
   }
 
-  [[nodiscard]] Index number(std::size_t k) const {
-    return numbered_ != nullptr ? numbered_->numbers[k] : static_cast<Index>(k);
+  [[nodiscard]] Index number(Index k) const {
+    return numbered_ != nullptr ? numbered_->numbers[static_cast<std::size_t>(k)] : k;
+  }
+
+  // Between these tasks nothing is taken or given back. Several devices: all, since sub-trees change between them.
+  void find_turns() {
+    turns_.clear();
+    if (numbered_ != nullptr || !backwards()) {
+      turns_.resize(plan_.tasks.size());
+      std::iota(turns_.begin(), turns_.end(), 0);
+      return;
+    }
+    turns_.reserve(2 * static_cast<std::size_t>(fronts_));
+    for (Index f = 0; f < fronts_; ++f) {
+      if (plan_.first_task[f] < 0) continue;  // none is in the list
+      turns_.push_back(plan_.first_task[f]);
+      turns_.push_back(plan_.last_task[f]);
+    }
+    std::sort(turns_.begin(), turns_.end());
+    turns_.erase(std::unique(turns_.begin(), turns_.end()), turns_.end());
   }
   [[nodiscard]] Offset all_tasks() const {
     return numbered_ != nullptr ? numbered_->all : static_cast<Offset>(plan_.tasks.size());
@@ -210,8 +230,8 @@ class MemoryPlanner {
   }
 
   void place() {
-    for (std::size_t k = 0; k < plan_.tasks.size(); ++k) {
-      const Task& task = plan_.tasks[k];
+    for (const Index k : turns_) {
+      const Task& task = plan_.tasks[static_cast<std::size_t>(k)];
       const Index at = number(k);
       if (plan_.ownership.subtree(task.front) != subtree_) enter(plan_.ownership.subtree(task.front));
       while (!waiting_.empty() && waiting_.front().ready <= at) {
@@ -281,8 +301,8 @@ class MemoryPlanner {
       if (contribution_[f].size > 0) last_use.reuse(contribution_[f].at, contribution_[f].size, list);
       if (work_[f].size > 0) last_use.reuse(work_[f].at, work_[f].size, list);
     };
-    for (std::size_t k = 0; k < plan_.tasks.size(); ++k) {
-      const Task& task = plan_.tasks[k];
+    for (const Index k : turns_) {
+      const Task& task = plan_.tasks[static_cast<std::size_t>(k)];
       const Index at = number(k);
       const Index f = task.front;
       if (task.is_range())
@@ -320,6 +340,7 @@ class MemoryPlanner {
   Offset factor_end_ = 0;
   Index subtree_ = -1;                                 // of the task being placed; -1: the top
   Offset counted_ = 0;                                 // elements that belong to sub-trees
+  std::vector<Index> turns_;                           // tasks with which fronts begin or end, ascending
   std::vector<Region*> regions_;                       // backwards: all that have a size
   std::vector<std::pair<Index, Offset>> factor_ends_;  // fronts as they begin: task, end of their factors
   std::deque<Waiting> waiting_;                        // dead regions that may not be reused yet, by rising `ready`

@@ -109,21 +109,18 @@ Plan make_plan(analysis::AssemblyTree tree, const MatrixView& a, const std::vect
   link_children(plan);
   cut_fronts(plan);
   const bool part = options.ranks > 1;
-  if (part) {
-    plan.ownership = assign_owners(plan);
-    number_known(plan);
-  }
-  // Tasks and memory are one chain of small steps that needs no entries: it goes beside them.
-  const auto list_and_place = [&plan, part, kept, threads = pool.size()] {
-    if (!part) plan.ownership = assign_owners(plan);
-    list_tasks(plan);
+  plan.ownership = assign_owners(plan);
+  if (part) number_known(plan);
+  list_tasks(plan, &pool);
+  // Places in memory are one chain of small steps that needs no entries: it goes beside them.
+  const auto place = [&plan, part, kept, threads = pool.size()] {
     if (part) return;  // memory is planned when rows are related
     if (kept != nullptr && kept->places && place_as_before(plan, kept->before, kept->same)) return;
     if (plan.options.arrays == nullptr) return plan_memory(plan);
     const ArraySizes sizes = array_sizes(plan, name_regions(plan, true));
     plan_memory(plan, &sizes, threads);
   };
-  auto beside = base::start_beside(list_and_place, pool.size() > 1);
+  auto beside = base::start_beside(place, pool.size() > 1);
   relate_rows(plan, pool);
   matrix::RowIndex own;
   if (rows == nullptr || rows->ptr.empty()) rows = &(own = matrix::index_rows(a, pool));

@@ -28,6 +28,7 @@ struct Task {
   Index j = 0;
   [[nodiscard]] bool is_range() const { return begin >= 0; }
 };
+using TaskList = analysis::LazyVector<Task>;
 
 /// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For
 /// lu, an entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full
@@ -151,12 +152,12 @@ struct Plan {
   std::vector<Index> relative;               ///< like tree.rows: the row's place (0-based row) in the parent's front
   std::vector<Offset> row_begin;             ///< fronts + 1; into tree.rows and `relative`. Empty: tree.row_ptr
   std::vector<Offset> first_tile;            ///< fronts + 1; number of the front's first tile among all tiles
-  std::vector<Offset> entry_ptr;             ///< tiles + 1 (whole fronts: all entries at their first tile)
+  analysis::LazyVector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
   analysis::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
   /// Several ranks: the places in the caller's array of the values that this rank assembles, ascending; EntryPlace's
   /// source is a place in this list. Every value is in the list of one rank. Empty: it is one in the caller's array.
   std::vector<Offset> sources;
-  std::vector<Task> tasks;        ///< in topological order
+  TaskList tasks;                 ///< in topological order
   std::vector<Index> first_task;  ///< fronts; number of the front's first task
   std::vector<Index> last_task;   ///< fronts; number of the front's last task
   std::vector<Index> tier;        ///< fronts; distance from the root

@@ -1,8 +1,10 @@
 #include "plan/task_list.hpp"
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
+#include "base/parallel.hpp"
 #include "plan/rank_parts.hpp"
 #include "plan/regions.hpp"
 
@@ -10,29 +12,49 @@ namespace espalier::plan {
 
 namespace {
 
+// Two passes: one over fronts says which of them are taken together and where their tasks begin in the list; these are
+// written by all threads then.
 class TaskLister {
  public:
   explicit TaskLister(Plan& plan) : plan_(plan), fronts_(plan.fronts()) {}
 
-  void list() {
+  void list(base::ThreadPool* pool) {
     measure_subtrees();
-    plan_.tasks.clear();
     plan_.first_task.assign(static_cast<std::size_t>(fronts_), 0);
     plan_.last_task.assign(static_cast<std::size_t>(fronts_), 0);
-    if (plan_.ownership.devices > 1) {
-      list_for_devices();
-      return;
-    }
+    walk();
+    write(pool);
+  }
+
+ private:
+  // Fronts whose tasks stand together: a range, or some that advance together.
+  struct Group {
+    Index begin, end;  // of grouped_
+    Index range;       // first front of a range, whose last one is the only one of the group; -1: tiles
+    Index at;          // place of the first task: in the list, or among what is late
+    bool late;
+  };
+
+  void walk() {
+    if (plan_.ownership.devices > 1) return list_for_devices();
     // Trees of a forest that fit into one group together are taken together.
     std::vector<Index> roots;
     for (Index f = 0; f < fronts_; ++f)
       if (plan_.tree.parent[f] < 0) roots.push_back(f);
     if (plan_.options.narrow_first) late_front_ = wide_fronts(plan_);
     walk_children(roots);
-    append_late();
   }
 
- private:
+  void write(base::ThreadPool* pool) {
+    constexpr std::int64_t kGroups = 16;  // per range
+    plan_.tasks.clear();
+    plan_.tasks.resize(static_cast<std::size_t>(listed_ + late_));
+    base::for_each_range(pool, static_cast<std::int64_t>(groups_.size()), kGroups,
+                         [&](std::int64_t begin, std::int64_t end) {
+                           for (std::int64_t g = begin; g < end; ++g) write(groups_[static_cast<std::size_t>(g)]);
+                         });
+  }
+
   void list_for_devices() {
     Ownership& a = plan_.ownership;
     for (auto s = a.subtrees.begin(); s != a.subtrees.end();) {
@@ -46,7 +68,7 @@ class TaskLister {
         if (t->apart) walk_together({&*t});
       s = end;
     }
-    a.top_task = static_cast<Index>(plan_.tasks.size());
+    a.top_task = listed_;
     std::vector<std::vector<Index>> tiers;
     for (Index f = 0; f < fronts_; ++f) {
       if (a.subtree(f) >= 0) continue;
@@ -58,26 +80,16 @@ class TaskLister {
 
   [[nodiscard]] bool is_late(Index f) const { return !late_front_.empty() && late_front_[f] != 0; }
 
-  void append_late() {
-    const auto before = static_cast<Index>(plan_.tasks.size());
-    plan_.tasks.insert(plan_.tasks.end(), late_.begin(), late_.end());
-    for (Index f = 0; f < fronts_; ++f)
-      if (is_late(f)) {
-        plan_.first_task[f] += before;
-        plan_.last_task[f] += before;
-      }
-  }
-
   void walk_together(const std::vector<SubTree*>& subtrees) {
     std::vector<Index> roots;
     const bool elsewhere = plan_.options.ranks > 1 && subtrees.front()->device != plan_.options.rank;
     for (const SubTree* s : subtrees)
       if (!elsewhere) roots.insert(roots.end(), s->roots.begin(), s->roots.end());
-    const auto first = static_cast<Index>(plan_.tasks.size());
+    const Index first = listed_;
     walk_children(roots);
     for (SubTree* s : subtrees) {
       s->first_task = first;
-      s->end_task = static_cast<Index>(plan_.tasks.size());
+      s->end_task = listed_;
     }
   }
 
@@ -165,7 +177,7 @@ class TaskLister {
     std::vector<Index> tiled;
     for (const Index f : tier)
       if (plan_.whole[f] != 0)
-        emit_range(f);
+        add_range(f);
       else
         tiled.push_back(f);
     // Largest first, so that the last ones to finish are small; the number decides among equals.
@@ -173,23 +185,55 @@ class TaskLister {
                      [&](Index a, Index b) { return plan_.layout[a].tile_count() > plan_.layout[b].tile_count(); });
     const auto step = static_cast<std::size_t>(std::max<Index>(1, plan_.options.interleave));
     for (std::size_t b = 0; b < tiled.size(); b += step)
-      emit_tiles({tiled.begin() + static_cast<std::ptrdiff_t>(b),
-                  tiled.begin() + static_cast<std::ptrdiff_t>(std::min(tiled.size(), b + step))});
+      for (const bool late : {false, true})
+        add_tiles(std::span(tiled).subspan(b, std::min(step, tiled.size() - b)), late);
   }
 
-  void emit_range(Index f) {
+  void add_range(Index f) {
     if (!is_made_here(plan_, f, 0)) return;
-    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
-    const auto at = static_cast<Index>(list.size());
-    const Index begin = is_range_[f] != 0 ? subtree_begin_[f] : f;
-    for (Index g = begin; g <= f; ++g) plan_.first_task[g] = plan_.last_task[g] = at;
-    list.push_back({f, begin, 0, 0});
+    add({f}, is_range_[f] != 0 ? subtree_begin_[f] : f, 1, is_late(f));
+  }
+
+  // Those of the fronts that are late, or the others.
+  void add_tiles(std::span<const Index> fronts, bool late) {
+    std::vector<Index> some;
+    Offset tasks = 0;
+    for (const Index f : fronts) {
+      if (is_late(f) != late) continue;
+      some.push_back(f);
+      tasks += tiles_made_here(f);
+    }
+    if (!some.empty()) add(some, -1, tasks, late);
+  }
+
+  [[nodiscard]] Offset tiles_made_here(Index f) const {
+    const FrontLayout& l = plan_.layout[f];
+    if (plan_.options.ranks == 1) return l.tile_count();
+    Offset tasks = 0;
+    for (Index j = 0; j < l.tiles; ++j) tasks += is_made_here(plan_, f, j) ? l.tiles - j : 0;
+    return tasks;
+  }
+
+  void add(const std::vector<Index>& fronts, Index range, Offset tasks, bool late) {
+    Index& end = late ? late_ : listed_;
+    const auto begin = static_cast<Index>(grouped_.size());
+    grouped_.insert(grouped_.end(), fronts.begin(), fronts.end());
+    groups_.push_back({begin, static_cast<Index>(grouped_.size()), range, end, late});
+    end += static_cast<Index>(tasks);
+  }
+
+  void write(const Group& group) {
+    Index at = group.at + (group.late ? listed_ : 0);
+    const std::span<const Index> fronts(grouped_.data() + group.begin, grouped_.data() + group.end);
+    if (group.range < 0) return write_tiles(fronts, at);
+    for (Index g = group.range; g <= fronts.front(); ++g) plan_.first_task[g] = plan_.last_task[g] = at;
+    plan_.tasks[at] = {fronts.front(), group.range, 0, 0};
   }
 
   // The fronts advance together, one block column a step. What the next step depends on comes first: tile (s, s - 1),
   // which completes the row of the next diagonal tile, that diagonal tile, and only then the rest of column s - 1,
   // behind which the factorization of the diagonal tile hides.
-  void emit_tiles(const std::vector<Index>& fronts) {
+  void write_tiles(std::span<const Index> fronts, Index& at) {
     Index steps = 0;
     for (const Index f : fronts) {
       steps = std::max(steps, plan_.layout[f].pivot_tiles);
@@ -197,25 +241,24 @@ class TaskLister {
     }
     for (Index s = 0; s <= steps; ++s) {
       for (const Index f : fronts)
-        if (s > 0 && s <= plan_.layout[f].pivot_tiles && s < plan_.layout[f].tiles) emit_tile(f, s, s - 1);
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles && s < plan_.layout[f].tiles)
+          write_column(f, s, s + 1, s - 1, at);
       for (const Index f : fronts)
-        if (s < plan_.layout[f].pivot_tiles) emit_tile(f, s, s);
+        if (s < plan_.layout[f].pivot_tiles) write_column(f, s, s + 1, s, at);
       for (const Index f : fronts)
-        if (s > 0 && s <= plan_.layout[f].pivot_tiles)
-          for (Index i = s + 1; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, s - 1);
+        if (s > 0 && s <= plan_.layout[f].pivot_tiles) write_column(f, s + 1, plan_.layout[f].tiles, s - 1, at);
     }
     for (const Index f : fronts)
       for (Index j = plan_.layout[f].pivot_tiles; j < plan_.layout[f].tiles; ++j)
-        for (Index i = j; i < plan_.layout[f].tiles; ++i) emit_tile(f, i, j);
+        write_column(f, j, plan_.layout[f].tiles, j, at);
   }
 
-  void emit_tile(Index f, Index i, Index j) {
-    if (!is_made_here(plan_, f, j)) return;
-    std::vector<Task>& list = is_late(f) ? late_ : plan_.tasks;
-    const auto at = static_cast<Index>(list.size());
+  // Tiles begin .. end - 1 of block column j.
+  void write_column(Index f, Index begin, Index end, Index j, Index& at) {
+    if (begin >= end || !is_made_here(plan_, f, j)) return;
     if (plan_.first_task[f] < 0) plan_.first_task[f] = at;
-    plan_.last_task[f] = at;
-    list.push_back({f, -1, i, j});
+    for (Index i = begin; i < end; ++i) plan_.tasks[at++] = {f, -1, i, j};
+    plan_.last_task[f] = at - 1;
   }
 
   Plan& plan_;
@@ -223,13 +266,15 @@ class TaskLister {
   std::vector<Index> subtree_begin_;
   std::vector<char> is_range_;
   std::vector<char> late_front_;  // fronts; see PlanOptions::narrow_first; empty: none is late
-  std::vector<Task> late_;
+  std::vector<Group> groups_;
+  std::vector<Index> grouped_;   // fronts of the groups, one group after another
+  Index listed_ = 0, late_ = 0;  // tasks so far, and those that follow all others
   std::vector<Offset> entries_;  // contribution entries of a sub-tree that its group holds
 };
 
 }  // namespace
 
-void list_tasks(Plan& plan) { TaskLister(plan).list(); }
+void list_tasks(Plan& plan, base::ThreadPool* pool) { TaskLister(plan).list(pool); }
 
 Plan plan_for_one_device(const Plan& plan) {
   Plan one = plan;

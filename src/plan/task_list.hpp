@@ -10,6 +10,7 @@ namespace espalier::plan {
 /// Fills plan.tasks, plan.first_task and plan.last_task, and the places of the sub-trees of plan.ownership in the
 /// list. Of several ranks, the tasks of the plan's rank alone.
 /// @pre layout, whole, children, tier and ownership are set
-void list_tasks(Plan& plan);
+/// @param pool  may be null
+void list_tasks(Plan& plan, base::ThreadPool* pool = nullptr);
 
 }  // namespace espalier::plan

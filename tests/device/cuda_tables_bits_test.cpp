@@ -77,7 +77,7 @@ class Layout : public out_of_core::OutOfCoreLayout {
   [[nodiscard]] const device::cuda::OutOfCoreTables& tables() const { return source_.tables; }
   [[nodiscard]] const plan::Plan& plan() const override { return source_.plan; }
   [[nodiscard]] Offset element_bytes() const override { return 8; }
-  [[nodiscard]] const std::vector<plan::Task>& order() const override { return tables().order(); }
+  [[nodiscard]] const plan::TaskList& order() const override { return tables().order(); }
   [[nodiscard]] const plan::ArraySizes& sizes() const override { return sizes_; }
   [[nodiscard]] Offset factor_offset(Index f, Index column) const override {
     return column < fronts()[f].pivot_tiles ? fronts()[f].column_offset(column) : sizes_.factor[f];

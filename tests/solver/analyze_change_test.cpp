@@ -5,11 +5,7 @@
 #include "analysis/tree_change.hpp"
 #include "analysis/verify.hpp"
 #include "matrix/generators/changing_body.hpp"
-#include "plan/kept_entries.hpp"
 #include "plan/plan.hpp"
-#include "solve/residual.hpp"
-#include "solver/analysis/pattern_difference.hpp"
-#include "solver/analysis/prepared_matrix.hpp"
 #include "solver/solver_common.hpp"
 #include "verdict/changes.hpp"
 
@@ -117,73 +113,6 @@ TEST(AnalyzeChange, TreesAreValidAndTheirRowsExact) {
     const analysis::PatternChange undone{change.removed, change.added, {}, view_before, rows_before};
     const analysis::ChangedTree again = analysis::change_tree(changed.tree, undone, pool);
     EXPECT_EQ(analysis::verify_tree(graph_before, again.tree), "") << "seed " << seed;
-  }
-}
-
-void expect_equal(const matrix::RowIndex& mine, const matrix::RowIndex& theirs) {
-  EXPECT_EQ(mine.ptr, theirs.ptr);
-  ASSERT_EQ(mine.col.size(), theirs.col.size());
-  for (Offset q = 0; q < mine.col.size(); ++q) {
-    ASSERT_EQ(mine.col[q], theirs.col[q]) << q;
-    ASSERT_EQ(mine.source[q], theirs.source[q]) << q;
-  }
-}
-
-void expect_equal_entries(const plan::Plan& mine, const plan::Plan& theirs) {
-  EXPECT_EQ(mine.entry_ptr, theirs.entry_ptr);
-  ASSERT_EQ(mine.entries.size(), theirs.entries.size());
-  for (std::size_t q = 0; q < mine.entries.size(); ++q) {
-    const plan::EntryPlace &m = mine.entries[q], &t = theirs.entries[q];
-    ASSERT_TRUE(m.source() == t.source() && m.row() == t.row() && m.col() == t.col() &&
-                m.transposed() == t.transposed())
-        << q << ": " << m.source() << " (" << m.row() << ", " << m.col() << "), not " << t.source() << " (" << t.row()
-        << ", " << t.col() << ")";
-  }
-}
-
-// Truth: indices and plans that know of no pattern before.
-TEST(AnalyzeChange, FollowedPlansHaveTheEntriesOfNewOnes) {
-  base::ThreadPool pool(2);
-  for (std::uint64_t seed = 1; seed <= 40; ++seed) {
-    verdict::ChangingSystem system(static_cast<int>(seed % 7), static_cast<Index>(30 + 5 * seed), seed);
-    const bool general = system.matrix().storage == Storage::general;
-    const Storage storages[] = {Storage::symmetric_lower, Storage::symmetric_upper, Storage::symmetric_both};
-    const Storage storage = general ? Storage::general : storages[seed % 3];
-    SCOPED_TRACE(testing::Message() << system.name() << ", seed " << seed);
-    plan::PlanOptions options;
-    options.unsymmetric = general;
-    if (seed % 2 == 0) options.tiles.whole_rows = options.tiles.max_block_size = 16;
-    const auto prepared = [&] {  // each entry once
-      return solver::prepare_matrix(MatrixView(reference::stored_as(system.matrix(), storage)),
-                                    general ? Kind::lu : Kind::llt, pool)
-          .a;
-    };
-    solver::StoredMatrix a = prepared();
-    auto rows = solve::ResidualOperator::rows_of(a, pool);
-    plan::Plan plan =
-        plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {}, options, pool);
-    for (int k = 0; k < 4; ++k) {
-      system.change();
-      solver::StoredMatrix b = prepared();
-      const MatrixView view = b;
-      const solver::PatternDifference d = solver::compare_patterns(a, view, pool);
-      rows = solver::follow_rows(*rows, a, view, d, pool);
-      expect_equal(*rows, *solve::ResidualOperator::rows_of(view, pool));
-      analysis::PatternChange change{{}, {}, {}, view, *rows};
-      for (auto [from, to] : {std::pair{&d.added, &change.added}, std::pair{&d.removed, &change.removed}})
-        for (const auto& [r, c] : *from) {
-          if (r == c)
-            change.diagonal.push_back(c);
-          else
-            to->emplace_back(r, c);
-        }
-      const analysis::ChangedTree t = analysis::change_tree(plan.tree, change, pool);
-      const plan::KeptEntries kept{plan, t.same, d.now, t.with_pivots, d.added, d.removed};
-      plan::Plan followed = plan::make_plan(t.tree, view, {}, options, pool, rows.get(), &kept);
-      expect_equal_entries(followed, plan::make_plan(t.tree, view, {}, options, pool));
-      plan = std::move(followed);
-      a = std::move(b);
-    }
   }
 }
 

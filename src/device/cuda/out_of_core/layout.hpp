@@ -31,7 +31,7 @@ class CudaOutOfCoreLayout : public out_of_core::OutOfCoreBackend<T> {
 
   [[nodiscard]] const plan::Plan& plan() const override { return source_->plan; }
   [[nodiscard]] Offset element_bytes() const override { return sizeof(T); }
-  [[nodiscard]] const std::vector<plan::Task>& order() const override { return out_of_core_tables().order(); }
+  [[nodiscard]] const plan::TaskList& order() const override { return out_of_core_tables().order(); }
   [[nodiscard]] const plan::ArraySizes& sizes() const override { return sizes_; }
   [[nodiscard]] Offset factor_offset(Index f, Index column) const override;
   [[nodiscard]] Offset contribution_offset(Index f, Index column) const override;

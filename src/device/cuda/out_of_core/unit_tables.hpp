@@ -48,7 +48,7 @@ class OutOfCoreTables {
   [[nodiscard]] const DevicePlan& device_plan() const { return device_; }
   [[nodiscard]] Offset element_bytes() const { return element_; }
   /// Narrow fronts first: the plan lists them so.
-  [[nodiscard]] const std::vector<plan::Task>& order() const { return plan_.tasks; }
+  [[nodiscard]] const plan::TaskList& order() const { return plan_.tasks; }
   [[nodiscard]] Offset share_bytes(Index f) const;
   [[nodiscard]] TablePlaces tables(const out_of_core::InCoreStep& step) const;
   [[nodiscard]] ScratchPlaces scratch(const out_of_core::InCoreStep& step) const;

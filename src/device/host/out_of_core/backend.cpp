@@ -53,7 +53,7 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
 
   [[nodiscard]] const plan::Plan& plan() const override { return plan_; }
   [[nodiscard]] Offset element_bytes() const override { return sizeof(T); }
-  [[nodiscard]] const std::vector<Task>& order() const override { return plan_.tasks; }
+  [[nodiscard]] const plan::TaskList& order() const override { return plan_.tasks; }
   [[nodiscard]] const plan::ArraySizes& sizes() const override { return sizes_; }
   [[nodiscard]] Offset factor_offset(Index f, Index column) const override {
     const FrontLayout& l = plan_.layout[f];
