@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "base/scalar.hpp"
+#include "inverse/columns.hpp"
 
 namespace espalier::inverse {
 
@@ -18,76 +19,6 @@ namespace {
 constexpr double kEps = std::numeric_limits<double>::epsilon();
 constexpr Index kChecked = 8;         // columns: one register of right-hand sides
 constexpr Index kColumnsAtOnce = 32;  // that are solved for
-
-// Columns of A^-1 by solves, refined until rounding is left. The corrections tell how far they are from the truth.
-template <class Value>
-class Columns {
- public:
-  /// @param rows  of A, one for each column of A^-1
-  Columns(solver::Session& session, std::span<const Index> rows) : n_(static_cast<std::size_t>(session.current().n())) {
-    const std::size_t count = rows.size();
-    x_.resize(n_ * count);
-    std::vector<Value> b(n_ * count), r(n_ * count), d(n_ * count);
-    for (std::size_t c = 0; c < count; ++c) b[c * n_ + static_cast<std::size_t>(rows[c])] = 1;
-    solve(session, b, x_);
-    largest_.assign(count, 0);
-    error_.assign(count, std::numeric_limits<double>::infinity());
-    std::vector<double> before(count, std::numeric_limits<double>::infinity());
-    constexpr int kMostSteps = 12;  // as many as a factor in FP32 of a hard matrix takes
-    for (int step = 0; step < kMostSteps; ++step) {
-      std::vector<solve::ResidualColumn> list;
-      for (std::size_t c = 0; c < count; ++c) list.push_back({parts(b, c), parts(x_, c), parts(r, c), {}});
-      session.factor->residual().compute(list, false);
-      solve(session, r, d);
-      bool goes_on = false;
-      for (std::size_t c = 0; c < count; ++c) goes_on |= correct(c, d, before[c]);
-      if (!goes_on) break;
-    }
-  }
-  [[nodiscard]] Value at(std::size_t column, Index unknown) const {
-    return x_[column * n_ + static_cast<std::size_t>(unknown)];
-  }
-  [[nodiscard]] double largest(std::size_t column) const { return largest_[column]; }
-  /// What is left, over the largest entry.
-  [[nodiscard]] double error(std::size_t column) const { return error_[column]; }
-
- private:
-  double* parts(std::vector<Value>& v, std::size_t c) const { return reinterpret_cast<double*>(v.data() + c * n_); }
-  void solve(solver::Session& session, std::vector<Value>& from, std::vector<Value>& to) const {
-    session.pool.check();
-    session.factor->solve(parts(from, 0), parts(to, 0), static_cast<Index>(from.size() / n_), false);
-  }
-  static double magnitude_of(const Value* v, std::size_t n) {
-    double most = 0;
-    for (std::size_t i = 0; i < n; ++i) {
-      const double m = std::abs(v[i]);
-      if (!(m <= most)) most = std::isnan(m) ? std::numeric_limits<double>::infinity() : m;
-    }
-    return most;
-  }
-
-  // @param before  the size of the last correction. @returns whether another one may help
-  bool correct(std::size_t c, const std::vector<Value>& d, double& before) {
-    Value* x = x_.data() + c * n_;
-    const double correction = magnitude_of(d.data() + c * n_, n_);
-    largest_[c] = magnitude_of(x, n_);
-    if (!(correction < before)) return false;  // noise, or no convergence: the error that the last one has left
-    for (std::size_t i = 0; i < n_; ++i) x[i] += d[c * n_ + i];
-    largest_[c] = magnitude_of(x, n_);
-    // The first correction is as much of the solution as is lost in each step, but for luck.
-    constexpr double kLuck = 10;
-    const double rate = std::isfinite(before) ? correction / before
-                        : largest_[c] > 0     ? std::min(1.0, kLuck * correction / largest_[c])
-                                              : 1;
-    error_[c] = largest_[c] > 0 ? std::max(kEps, correction / largest_[c] * rate) : 0;
-    before = correction;
-    return error_[c] > kEps;
-  }
-
-  std::size_t n_;
-  std::vector<Value> x_;  // column by column
-  std::vector<double> largest_, error_;
-};
 
 constexpr std::int64_t kGrain = 1 << 10, kEntryGrain = 1 << 16;  // columns, entries that a thread takes at a time
 
@@ -150,17 +81,17 @@ class Inverse {
     if (columns_.size() > static_cast<std::size_t>(kChecked)) {
       const MatrixEntries a(s_.current().system->prepared, s_.pool);
       const bool definite = s_.factor->analysis()->kind() == Kind::llt;
-      Entries more = definite ? missing_diagonal() : entries_of_product(a, n_, s_.pool);
+      const Entries more = definite ? missing_diagonal() : entries_of_product(a, n_, s_.pool);
       if (more.size() == 0 || more == wanted_) {
         by_factor(wanted_, x_, 0);
         sample = definite ? choose_by_diagonal(a, wanted_, x_) : choose_sample(a, x_);
       } else {  // both together: what they have in common is made once
         const std::size_t others = more.size();
-        more.append(wanted_);
-        std::vector<Value> values(more.size());
-        by_factor(more, values, others);
-        std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(others), wanted_.size(), x_.begin());
-        sample = definite ? choose_by_diagonal(a, more, values) : choose_sample(a, values);
+        const Entries all = joined(more, wanted_);
+        analysis::LazyVector<Value> values(all.size());
+        by_factor(all, values, others);
+        over_entries(wanted_.size(), [&](std::size_t e) { x_[e] = values[others + e]; });
+        sample = definite ? choose_by_diagonal(a, all, values) : choose_sample(a, values);
       }
     } else {
       by_factor(wanted_, x_, 0);
@@ -205,11 +136,19 @@ class Inverse {
     });
   }
 
+  Entries joined(const Entries& x, const Entries& y) const {
+    Entries all(x.size() + y.size());
+    over_entries(x.size(), [&](std::size_t e) { all.set(e, x.unknown[e], x.row[e]); });
+    over_entries(y.size(), [&](std::size_t e) { all.set(x.size() + e, y.unknown[e], y.row[e]); });
+    return all;
+  }
+
   // @param first  of those that are asked for
   void by_factor(const Entries& entries, std::span<Value> x, std::size_t first) {
-    known_.assign(entries.size(), 0);
+    known_.resize(entries.size());
     first_ = first;
-    if (s_.factor->substitutes()) return;  // the factor is not of the matrix alone
+    if (s_.factor->substitutes())  // the factor is not of the matrix alone
+      return over_entries(entries.size(), [&](std::size_t e) { known_[e] = 0; });
     solver::Numeric& numeric = s_.factor->numeric();
     if (!numeric.invert_at(entries.unknown, entries.row, reinterpret_cast<double*>(x.data()), known_))
       throw Error(
@@ -265,11 +204,13 @@ class Inverse {
     const bool symmetric = p.a.storage != Storage::general, hermitian = p.numbers == base::Numbers::hermitian;
     // Parts of the columns have sums of their own, as many as there is little memory for, whatever the threads.
     const std::size_t parts = std::clamp<std::size_t>((std::size_t{1} << 22) / n, 1, 16);
-    std::vector<Value> sum(n * parts);
-    std::vector<double> magnitude(n * parts);
+    analysis::LazyVector<Value> sum(n * parts);
+    analysis::LazyVector<double> magnitude(n * parts);
     s_.pool.for_each_range(static_cast<std::int64_t>(parts), 1, [&](std::int64_t part, std::int64_t) {
       Value* s = sum.data() + static_cast<std::size_t>(part) * n;
       double* m = magnitude.data() + static_cast<std::size_t>(part) * n;
+      std::fill_n(s, n, Value(0));
+      std::fill_n(m, n, 0.0);
       const auto count = static_cast<std::int64_t>(parts);
       a.for_each(n_ * part / count, n_ * (part + 1) / count, [&](std::size_t k, Offset q, Index r, Index c) {
         if (known_[k] == 0) return;
@@ -283,7 +224,7 @@ class Inverse {
       });
     });
     std::vector<double> doubt(n);
-    for (std::size_t j = 0; j < n; ++j) {
+    over_entries(n, [&](std::size_t j) {
       Value residual = Value(-1);
       double size = 1;
       for (std::size_t part = 0; part < parts; ++part) {
@@ -292,7 +233,7 @@ class Inverse {
       }
       doubt[j] = std::max(std::abs(residual), kEps * size);
       if (std::isnan(doubt[j])) doubt[j] = std::numeric_limits<double>::infinity();
-    }
+    });
     return worst_columns(doubt);
   }
 
@@ -373,9 +314,9 @@ class Inverse {
   std::span<Value> x_;
   InverseResult& result_;
   Index n_;
-  std::vector<Index> columns_;  // with entries that are asked for, ascending
-  std::vector<char> known_;     // of the last call of by_factor()
-  std::size_t first_ = 0;       // likewise
+  std::vector<Index> columns_;        // with entries that are asked for, ascending
+  analysis::LazyVector<char> known_;  // of the last call of by_factor()
+  std::size_t first_ = 0;             // likewise
 };
 
 }  // namespace

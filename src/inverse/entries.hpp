@@ -3,8 +3,8 @@
 #pragma once
 
 #include <span>
-#include <vector>
 
+#include "analysis/lazy_vector.hpp"
 #include "espalier/inverse.hpp"
 #include "solver/session/session.hpp"
 
@@ -12,8 +12,9 @@ namespace espalier::inverse {
 
 /// Entries (unknown, row) of A^-1: x[unknown] of A x = e_row.
 struct Entries {
-  std::vector<Index> unknown, row;
+  analysis::LazyVector<Index> unknown, row;
   Entries() = default;
+  /// To be set.
   explicit Entries(std::size_t count) : unknown(count), row(count) {}
   void set(std::size_t q, Index of_unknown, Index of_row) {
     unknown[q] = of_unknown;
@@ -22,10 +23,6 @@ struct Entries {
   void append(Index of_unknown, Index of_row) {
     unknown.push_back(of_unknown);
     row.push_back(of_row);
-  }
-  void append(const Entries& more) {
-    unknown.insert(unknown.end(), more.unknown.begin(), more.unknown.end());
-    row.insert(row.end(), more.row.begin(), more.row.end());
   }
   [[nodiscard]] std::size_t size() const { return row.size(); }
   bool operator==(const Entries&) const = default;

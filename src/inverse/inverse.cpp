@@ -107,10 +107,14 @@ InverseResult blocks_of(SolverType& solver, const char* call, Index size, std::s
   InverseResult result;
   timed(s, result, [&] {
     Entries entries(x.size());
-    std::size_t at = 0;
-    for (Index first = 0; first < n; first += size)
-      for (Index c = 0; c < size; ++c)
-        for (Index r = 0; r < size; ++r) entries.set(at++, first + r, first + c);
+    const std::int64_t entries_each = std::int64_t{size} * size;
+    s.pool.for_each_range(n / size, std::max<std::int64_t>(1, kGrain / size),
+                          [&](std::int64_t begin, std::int64_t end) {
+                            auto at = static_cast<std::size_t>(begin * entries_each);
+                            for (auto first = static_cast<Index>(begin) * size; first < end * size; first += size)
+                              for (Index c = 0; c < size; ++c)
+                                for (Index r = 0; r < size; ++r) entries.set(at++, first + r, first + c);
+                          });
     inverse::invert_entries(s, entries, x, result);
   });
   return result;

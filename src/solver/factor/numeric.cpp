@@ -223,21 +223,22 @@ class NumericOf final : public Numeric {
     constexpr std::size_t kParts = kRealForm ? 2 : 1;
     const auto n = static_cast<std::size_t>(plan_->tree.n);
     std::vector<Index> position(n), column(static_cast<std::size_t>(prepared_.n()));
-    for (std::size_t k = 0; k < n; ++k)
-      position[static_cast<std::size_t>(plan_->tree.order[k])] = static_cast<Index>(k);
-    for (Index c = 0; c < prepared_.n(); ++c) column[static_cast<std::size_t>(prepared_.row_of(c))] = c;
+    const auto over = [&](std::int64_t count, auto&& use) {
+      constexpr std::int64_t kGrain = 1 << 16;
+      pool_.for_each_range(count, kGrain, [&](std::int64_t begin, std::int64_t end) {
+        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) use(k);
+      });
+    };
+    over(plan_->tree.n,
+         [&](std::size_t k) { position[static_cast<std::size_t>(plan_->tree.order[k])] = static_cast<Index>(k); });
+    over(prepared_.n(), [&](std::size_t c) {
+      column[static_cast<std::size_t>(prepared_.row_of(static_cast<Index>(c)))] = static_cast<Index>(c);
+    });
     const std::size_t count = unknowns.size() * kParts;
     base::Buffer<Index> row(static_cast<Offset>(count), &budget_), col(static_cast<Offset>(count), &budget_);
     base::Buffer<T> value(static_cast<Offset>(count), &budget_);
     base::Buffer<char> found(static_cast<Offset>(count), &budget_);
-    const auto over_entries = [&](auto&& use) {
-      constexpr std::int64_t kGrain = 1 << 16;
-      pool_.for_each_range(static_cast<std::int64_t>(unknowns.size()), kGrain,
-                           [&](std::int64_t begin, std::int64_t end) {
-                             for (auto e = static_cast<std::size_t>(begin); e < static_cast<std::size_t>(end); ++e)
-                               use(e);
-                           });
-    };
+    const auto over_entries = [&](auto&& use) { over(static_cast<std::int64_t>(unknowns.size()), use); };
     over_entries([&](std::size_t e) {
       for (std::size_t p = 0; p < kParts; ++p) {
         const auto at = static_cast<Offset>(e * kParts + p);
