@@ -1,10 +1,12 @@
 // Named cases of changes around complex factors. Truth: dense matrices that are changed as said.
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <limits>
 #include <vector>
 
 #include "changes/complex_changes.hpp"
+#include "espalier/espalier.h"
 
 namespace espalier::test {
 
@@ -154,6 +156,71 @@ TEST(ComplexChangedCases, MisuseAndBadNumbersAreErrors) {
   EXPECT_THROW((void)changed.solve(numbers(Dense::Ones(10, 1)), to), std::logic_error);
   changed.reset();
   EXPECT_TRUE(changed.solve(numbers(Dense::Ones(10, 1)), to).status.ok());
+}
+
+// From C, in either layout: numbers are pairs, a row that is left out is the conjugate column, whatever is held.
+TEST(ComplexChangedCases, FromC) {
+  const Index n = 12;
+  const Dense a = random_dense(n, Sort::definite, 6);
+  const ComplexSparseMatrix lower = sparse(a, Storage::hermitian_lower);
+  const std::vector<std::int64_t> pointers(lower.col_ptr.begin(), lower.col_ptr.end());
+  const std::vector<std::int64_t> indices(lower.row_ind.begin(), lower.row_ind.end());
+  for (const bool by_rows : {false, true}) {
+    // By rows the arrays are those of the upper triangle of the transpose, which is another matrix.
+    const Dense given = by_rows ? Dense(a.transpose()) : a;
+    espalier_solver* solver = nullptr;
+    ASSERT_EQ(espalier_create(&solver), ESPALIER_OK);
+    espalier_matrix_i64 m{};
+    m.size = sizeof m;
+    m.rows = m.cols = n;
+    m.nonzeros = lower.nonzeros();
+    m.pointers = pointers.data();
+    m.indices = indices.data();
+    m.values = reinterpret_cast<const double*>(lower.values.data());
+    m.layout = by_rows ? ESPALIER_CSR : ESPALIER_CSC;
+    m.storage = by_rows ? ESPALIER_HERMITIAN_UPPER : ESPALIER_HERMITIAN_LOWER;
+    m.numbers = ESPALIER_COMPLEX;
+    ASSERT_EQ(espalier_analyze_i64(solver, &m, nullptr), ESPALIER_OK) << espalier_last_error(solver);
+    std::int32_t anew = 1;
+    ASSERT_EQ(espalier_analyze_change_i64(solver, &m, &anew, nullptr), ESPALIER_OK) << espalier_last_error(solver);
+    EXPECT_EQ(anew, 0);
+    ASSERT_EQ(espalier_factorize_i64(solver, &m, nullptr), ESPALIER_OK);
+    espalier_changed* changed = nullptr;
+    ASSERT_EQ(espalier_changed_create(solver, &changed), ESPALIER_OK) << espalier_last_error(solver);
+    const Dense u = random_columns(n, 1, 3), core = Dense::Constant(1, 1, -2);
+    const std::int64_t begin[2] = {0, n}, gone[1] = {5};
+    std::vector<std::int64_t> rows(at(n));
+    for (std::size_t i = 0; i < rows.size(); ++i) rows[i] = static_cast<std::int64_t>(i);
+    const espalier_columns column{1, begin, rows.data(), reinterpret_cast<const double*>(u.data())};
+    const auto* corner = reinterpret_cast<const double*>(core.data());
+    ASSERT_EQ(espalier_changed_add(changed, &column, nullptr, corner), ESPALIER_OK) << espalier_last_error(solver);
+    ASSERT_EQ(espalier_changed_add_low_rank(changed, &column, nullptr, nullptr), ESPALIER_OK);
+    ASSERT_EQ(espalier_changed_remove(changed, gone, 1), ESPALIER_OK);
+    Dense truth = Dense::Zero(n + 1, n + 1);
+    truth.topLeftCorner(n, n) = given + u * u.adjoint();
+    truth.topRightCorner(n, 1) = u;
+    truth.bottomLeftCorner(1, n) = u.adjoint();
+    truth(n, n) = -2;
+    truth.row(5).setZero();
+    truth.col(5).setZero();
+    truth(5, 5) = 1;
+    Dense b = random_columns(n + 1, 1, 1), x(n + 1, 1);
+    for (const Transpose how : {Transpose::no, Transpose::yes, Transpose::conjugate}) {
+      ASSERT_EQ(espalier_changed_solve(changed, reinterpret_cast<const double*>(b.data()),
+                                       reinterpret_cast<double*>(x.data()), n + 1, 1, static_cast<int>(how), nullptr),
+                ESPALIER_OK)
+          << espalier_last_error(solver);
+      Dense right = b;
+      right(5, 0) = 0;
+      EXPECT_LE((op(truth, how) * x - right).cwiseAbs().maxCoeff(), 1e-11) << by_rows << static_cast<int>(how);
+    }
+    std::int64_t inertia[3];
+    ASSERT_EQ(espalier_changed_inertia(changed, inertia), ESPALIER_OK);
+    EXPECT_EQ(inertia[0], n - 1);
+    EXPECT_EQ(inertia[1], 1);
+    espalier_changed_destroy(changed);
+    espalier_destroy(solver);
+  }
 }
 
 }  // namespace complex_changed_cases_test

@@ -114,8 +114,8 @@ TEST(ComplexChange, NumbersThatStayHaveTheBitsOfAWholeFactorization) {
 
 TEST(ComplexChange, RealFormsMakeAllAndSayWhy) {
   const test::AsRealForm form;
-  Options o = bare(true);
-  o.device = "cpu";
+  Options o = on_cpu();
+  o.partial_refactorization = true;
   ComplexSolver solver(o);
   Dense a = test::random_dense(40, Sort::hermitian, 3);
   ASSERT_TRUE(solver.analyze(test::sparse(a, Storage::hermitian_lower)).status.ok());
