@@ -170,7 +170,9 @@ TEST(ComplexRanks, ChangedPatterns) {
   for (const bool real_form : {false, true}) {
     std::optional<test::AsRealForm> form;
     if (real_form) form.emplace();
-    const ComplexSparseMatrix b = complex_of(reference::random_system(600, 4, Values::general, 2), Storage::general);
+    const ComplexSparseMatrix b = complex_of(
+        reference::stored_as(reference::random_system(600, 4, reference::Values::positive, 2), Storage::general),
+        Storage::general);
     ComplexSparseMatrix a{b.rows, b.cols, {0}, {}, {}, b.storage};
     int seen = 0;
     for (Index c = 0; c < b.cols; ++c) {
