@@ -110,6 +110,11 @@ static void whole(const Matrix* a, Wide* dense) {
 
 /* ---- the truth: LU with row exchanges, columns of b become solutions -------------------------------------------- */
 
+/* Number k of an array whose numbers are one double or two. */
+static Wide wide(const double* of, int k, int parts) {
+  return parts == 2 ? of[2 * k] + of[2 * k + 1] * (Wide)I : of[k];
+}
+
 static void dense_solve(int n, const Wide* matrix, int how, int columns, Wide* b) {
   static Wide m[kEntries];
   for (int j = 0; j < n; ++j)

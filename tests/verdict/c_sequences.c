@@ -238,7 +238,6 @@ static void other_matrix(Sequence* q, Solver* s, What what) {
     a = s->a;
     make_values(&a, below(2));
   }
-  if (what == kAnalyzeChange && a.parts == 2) return;
   const int code = give(s, &a, what);
   if (code != ESPALIER_OK) return wrong(q, s, "refused a good matrix", code);
   if (what == kFactorize) return took(s, &a);
@@ -270,34 +269,35 @@ static void saved(Sequence* q, Solver* s) {
 
 /* An unknown that has come and one that is gone, with A and A^T; a factor that is another one is noticed. */
 static void around(Sequence* q, Solver* s) {
-  const int n = s->a.n, gone = below(n), how = below(3), m = n + 1;
-  if (s->a.parts == 2 || n < 2 || n == kMost) return;
+  const int n = s->a.n, gone = below(n), how = below(3), m = n + 1, parts = s->a.parts;
+  if (n < 2 || n == kMost) return;
   espalier_changed* changed = NULL;
   if (no_factor(q, s, espalier_changed_create(s->solver, &changed))) return;
   static Wide full[kEntries], truth[kMost];
-  static double g[kMost], h[kMost], b[kMost], x[kMost];
+  static double g[2 * kMost], h[2 * kMost], b[2 * kMost], x[2 * kMost];
   static int64_t rows[kMost];
-  const double corner = 4 * kMost;
+  const double corner[2] = {4 * kMost, 1};
   const int64_t begin[2] = {0, n}, list[1] = {gone};
-  for (int i = 0; i < n; ++i) rows[i] = i, g[i] = number(), h[i] = number();
-  for (int i = 0; i < m; ++i) b[i] = number();
+  for (int i = 0; i < n; ++i) rows[i] = i;
+  for (int i = 0; i < parts * n; ++i) g[i] = number(), h[i] = number();
+  for (int i = 0; i < parts * m; ++i) b[i] = number();
   const espalier_columns column = {1, begin, rows, g}, row = {1, begin, rows, h};
-  int code = espalier_changed_add(changed, &column, &row, &corner);
+  int code = espalier_changed_add(changed, &column, &row, corner);
   if (code == ESPALIER_OK) code = espalier_changed_remove(changed, list, 1);
   if (code == ESPALIER_OK) code = espalier_changed_solve(changed, b, x, m, 1, how, NULL);
   for (int j = 0; j < m; ++j)
     for (int i = 0; i < m; ++i)
       full[j * m + i] = i == gone || j == gone ? i == j
                         : i < n && j < n       ? s->truth[j * n + i]
-                        : i < n                ? g[i]
-                        : j < n                ? h[j]
-                                               : corner;
-  for (int i = 0; i < m; ++i) truth[i] = i == gone ? 0 : b[i];
+                        : i < n                ? wide(g, i, parts)
+                        : j < n                ? wide(h, j, parts)
+                                               : wide(corner, 0, parts);
+  for (int i = 0; i < m; ++i) truth[i] = i == gone ? 0 : wide(b, i, parts);
   dense_solve(m, full, how, 1, truth);
   double largest = 0;
   for (int i = 0; i < m; ++i) largest = fmax(largest, (double)cabsl(truth[i]));
   if (code != ESPALIER_OK) wrong(q, s, "no changes around a factor", code);
-  for (int i = 0; i < m && code == ESPALIER_OK; ++i) compare(q, s, x + i, truth + i, largest);
+  for (int i = 0; i < m && code == ESPALIER_OK; ++i) compare(q, s, x + parts * i, truth + i, largest);
   new_values(q, s);
   if (espalier_changed_solve(changed, b, x, m, 1, how, NULL) != ESPALIER_MISUSE)
     wrong(q, s, "changes around a factor that is gone", 0);

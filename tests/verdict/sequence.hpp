@@ -105,8 +105,8 @@ class Sequence {
   void check_rows(Actor<T>& a);
 
   /// |M x - b| / (|M| |x| + |b|) in the largest norm, M dense by columns.
-  static double dense_error(const std::vector<double>& m, const std::vector<double>& b, const std::vector<double>& x);
-  [[nodiscard]] std::vector<double> dense(const Actor<T>& a) const;
+  static double dense_error(const std::vector<T>& m, const std::vector<T>& b, const std::vector<T>& x);
+  [[nodiscard]] std::vector<T> dense(const Actor<T>& a) const;
 
   // Rows and columns around the factor; once there is another factor, they are refused until they know it.
   void change_around(Actor<T>& a);

@@ -81,18 +81,18 @@ void Sequence<T>::check_rows(Actor<T>& a) {
 }
 
 template <class T>
-double Sequence<T>::dense_error(const std::vector<double>& m, const std::vector<double>& b,
-                                const std::vector<double>& x) {
+double Sequence<T>::dense_error(const std::vector<T>& m, const std::vector<T>& b, const std::vector<T>& x) {
+  using Long = std::conditional_t<std::is_same_v<T, double>, long double, std::complex<long double>>;
   const std::size_t n = b.size();
   double worst = 0, norm = 0, of_x = 0, of_b = 0;
   for (std::size_t i = 0; i < n; ++i) {
-    long double rest = b[i];
+    Long rest(b[i]);
     double row = 0;
     for (std::size_t j = 0; j < n; ++j) {
-      rest -= static_cast<long double>(m[j * n + i]) * x[j];
+      rest -= Long(m[j * n + i]) * Long(x[j]);
       row += std::abs(m[j * n + i]);
     }
-    if (!std::isfinite(x[i])) return std::numeric_limits<double>::infinity();
+    if (!std::isfinite(std::abs(x[i]))) return std::numeric_limits<double>::infinity();
     worst = std::max(worst, static_cast<double>(std::abs(rest)));
     norm = std::max(norm, row);
     of_x = std::max(of_x, std::abs(x[i]));
@@ -103,80 +103,83 @@ double Sequence<T>::dense_error(const std::vector<double>& m, const std::vector<
 }
 
 template <class T>
-std::vector<double> Sequence<T>::dense(const Actor<T>& a) const {
+std::vector<T> Sequence<T>::dense(const Actor<T>& a) const {
   const auto n = static_cast<std::size_t>(a.matrix.rows);
-  std::vector<double> m(n * n, 0);
-  if constexpr (std::is_same_v<T, double>)
-    for (std::size_t j = 0; j < n; ++j)
-      for (auto q = static_cast<std::size_t>(a.matrix.col_ptr[j]);
-           q < static_cast<std::size_t>(a.matrix.col_ptr[j + 1]); ++q) {
-        const auto i = static_cast<std::size_t>(a.matrix.row_ind[q]);
-        m[j * n + i] += a.factored[q];
-        if (one_triangle(a.matrix.storage) && i != j) m[i * n + j] += a.factored[q];
-      }
+  std::vector<T> m(n * n, 0);
+  for (std::size_t j = 0; j < n; ++j)
+    for (auto q = static_cast<std::size_t>(a.matrix.col_ptr[j]); q < static_cast<std::size_t>(a.matrix.col_ptr[j + 1]);
+         ++q) {
+      const auto i = static_cast<std::size_t>(a.matrix.row_ind[q]);
+      m[j * n + i] += a.factored[q];
+      if (one_triangle(a.matrix.storage) && i != j)
+        m[i * n + j] += is_hermitian(a.matrix.storage) ? conjugate(a.factored[q]) : a.factored[q];
+    }
   return m;
 }
 
 template <class T>
 void Sequence<T>::change_around(Actor<T>& a) {
-  if constexpr (std::is_same_v<T, double>) {
-    last_ = "ChangedSystem";
-    const bool poor = sort_ == 3 && !a.solver.options().matching;
-    if (a.factored.empty() || !a.regular || a.solver.options().precision != Precision::fp64 || poor) return;
-    const auto n = static_cast<std::size_t>(a.matrix.rows);
-    ChangedSystem around(a.solver);
-    std::vector<double> m = dense(a), b(n), x(n);
-    for (double& v : b) v = number(-1, 1);
-    if (below(2) == 0) {  // + u u^T
-      std::vector<double> u(n, 0);
-      for (std::size_t k = 0; k < 3; ++k) u[below(n)] = number(-1, 1);
-      if (!around.add_low_rank(u, 1).ok()) return wrong("add_low_rank");
+  last_ = "ChangedSystem";
+  const bool poor = sort_ == 3 && !a.solver.options().matching;
+  if (a.factored.empty() || !a.regular || a.solver.options().precision != Precision::fp64 || poor) return;
+  const auto n = static_cast<std::size_t>(a.matrix.rows);
+  ChangedSystemOf<T> around(a.solver);
+  std::vector<T> m = dense(a), b(n), x(n);
+  for (T& v : b) v = value(-1, 1);
+  bool definite = definite_;
+  if (below(2) == 0) {  // + u u^T, or u u^H
+    std::vector<T> u(n, 0);
+    for (std::size_t k = 0; k < 3; ++k) u[below(n)] = value(-1, 1);
+    if (!around.add_low_rank(u, 1).ok()) return wrong("add_low_rank");
+    for (std::size_t j = 0; j < n; ++j)
+      for (std::size_t i = 0; i < n; ++i) m[j * n + i] += u[i] * (around.hermitian() ? conjugate(u[j]) : u[j]);
+    definite = definite && (std::is_same_v<T, double> || around.hermitian());
+  }
+  if (n > 1 && below(2) == 0) {
+    const std::size_t p = below(n);
+    const std::vector<Index> gone = {static_cast<Index>(p)};
+    if (!around.remove(gone).ok()) return wrong("remove");
+    if (around.remove(gone).code != StatusCode::invalid_input) return wrong("removed twice");
+    for (std::size_t k = 0; k < n; ++k) m[k * n + p] = m[p * n + k] = 0;
+    m[p * n + p] = 1;
+  }
+  const auto judge = [&](const char* what) {
+    static const Transpose hows[] = {Transpose::no, Transpose::yes, Transpose::conjugate};
+    const Transpose how = hows[below(3)];
+    if (below(4) == 0) (void)around.fold();  // where it fails, changes stand as before
+    const ChangedSolveResult r = around.solve(b, x, 1, how);
+    if (how != Transpose::no)
       for (std::size_t j = 0; j < n; ++j)
-        for (std::size_t i = 0; i < n; ++i) m[j * n + i] += u[i] * u[j];
-    }
-    if (n > 1 && below(2) == 0) {
-      const std::size_t p = below(n);
-      const std::vector<Index> gone = {static_cast<Index>(p)};
-      if (!around.remove(gone).ok()) return wrong("remove");
-      if (around.remove(gone).code != StatusCode::invalid_input) return wrong("removed twice");
-      for (std::size_t k = 0; k < n; ++k) m[k * n + p] = m[p * n + k] = 0;
-      m[p * n + p] = 1;
-    }
-    const auto judge = [&](const char* what) {
-      const bool turned = below(2) == 0;
-      if (below(4) == 0) (void)around.fold();  // where it fails, changes stand as before
-      const ChangedSolveResult r = around.solve(b, x, 1, turned ? Transpose::yes : Transpose::no);
-      if (turned)
-        for (std::size_t j = 0; j < n; ++j)
-          for (std::size_t i = 0; i < j; ++i) std::swap(m[j * n + i], m[i * n + j]);
-      for (std::size_t k = 0; k < n; ++k)
-        if (m[k * n + k] == 1 && around.removed(static_cast<Index>(k))) b[k] = 0;
-      // What is left may be singular where nothing says that it is definite.
-      if (r.status.ok()) {
-        ++out_.solutions;
-        if (!(dense_error(m, b, x) <= 1e-8)) wrong(what);
-      } else if (definite_) {
-        wrong(std::string(what) + ": " + r.status.message);
-      } else {
-        ++out_.errors;
-      }
-    };
-    judge("changes around the factor of the last values");
-    if (below(2) == 0 || !out_.wrong.empty()) return;
-    std::vector<T> values = other_values(a.matrix, a.matrix.values);
-    const auto result = a.solver.refactorize(values);
-    factored(a, result, std::move(values), "refactorize beside changes");
-    if (a.factored.empty() || !a.regular || a.solver.state() != SolverOf<T>::State::factorized) return;
-    try {
-      (void)around.solve(b, x);
-      return wrong("changes around a factor that is gone");
-    } catch (const std::logic_error&) {
+        for (std::size_t i = 0; i < j; ++i) std::swap(m[j * n + i], m[i * n + j]);
+    for (T& v : m) v = how == Transpose::conjugate ? conjugate(v) : v;
+    for (std::size_t k = 0; k < n; ++k)
+      if (around.removed(static_cast<Index>(k))) b[k] = 0;
+    // What is left may be singular where nothing says that it is definite.
+    if (r.status.ok()) {
+      ++out_.solutions;
+      if (!(dense_error(m, b, x) <= 1e-8)) wrong(what);
+    } else if (definite) {
+      wrong(std::string(what) + ": " + r.status.message);
+    } else {
       ++out_.errors;
     }
-    around.reset();
-    m = dense(a);
-    judge("no changes around the new factor");
+  };
+  judge("changes around the factor of the last values");
+  if (below(2) == 0 || !out_.wrong.empty()) return;
+  std::vector<T> values = other_values(a.matrix, a.matrix.values);
+  const auto result = a.solver.refactorize(values);
+  factored(a, result, std::move(values), "refactorize beside changes");
+  if (a.factored.empty() || !a.regular || a.solver.state() != SolverOf<T>::State::factorized) return;
+  try {
+    (void)around.solve(b, x);
+    return wrong("changes around a factor that is gone");
+  } catch (const std::logic_error&) {
+    ++out_.errors;
   }
+  around.reset();
+  m = dense(a);
+  definite = definite_;
+  judge("no changes around the new factor");
 }
 
 // The last values and their bits, whatever becomes of the solver that was saved.

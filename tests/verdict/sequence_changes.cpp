@@ -143,23 +143,30 @@ void Sequence<T>::interrupted(Actor<T>& a) {
 
 template <class T>
 void Sequence<T>::change_pattern(Actor<T>& a) {
-  if constexpr (std::is_same_v<T, double>) {
-    MatrixOf<T> next = a.matrix;
-    // One more entry on the diagonal's side, or the same once more.
-    std::vector<reference::Triple> triples;
-    for (std::size_t j = 0; j < static_cast<std::size_t>(next.cols); ++j)
-      for (auto q = static_cast<std::size_t>(next.col_ptr[j]); q < static_cast<std::size_t>(next.col_ptr[j + 1]); ++q)
-        triples.push_back({next.row_ind[q], static_cast<Index>(j), next.values[q]});
-    const auto n = static_cast<std::size_t>(next.rows);
-    const auto i = static_cast<Index>(below(n)), j = static_cast<Index>(below(n));
-    const bool in = next.storage == Storage::general || next.storage == Storage::symmetric_both ||
-                    (next.storage == Storage::symmetric_lower ? i >= j : i <= j);
-    if (!in || split_ || (next.storage == Storage::symmetric_both && i != j)) return;
-    triples.push_back({i, j, i == j ? 0.5 : 1e-3});
-    a.matrix = reference::from_triples(next.rows, triples, next.storage);
-    const ChangeResult result = with_copy(a.matrix, [&](const MatrixOf<T>& m) { return a.solver.analyze_change(m); });
-    analyzed(a, result.analysis.status, "analyze_change");
+  // One more entry on the diagonal's side, or the same once more.
+  const MatrixOf<T> before = a.matrix;
+  const auto n = static_cast<std::size_t>(before.rows);
+  const auto i = static_cast<Index>(below(n)), j = static_cast<Index>(below(n));
+  const bool lower = before.storage == Storage::symmetric_lower || before.storage == Storage::hermitian_lower;
+  const bool in = !one_triangle(before.storage) || (lower ? i >= j : i <= j);
+  const bool both = !one_triangle(before.storage) && before.storage != Storage::general;
+  if (!in || split_ || (both && i != j)) return;
+  MatrixOf<T> next = before;
+  const auto begin = next.row_ind.begin() + static_cast<std::ptrdiff_t>(before.col_ptr[static_cast<std::size_t>(j)]);
+  const auto end = next.row_ind.begin() + static_cast<std::ptrdiff_t>(before.col_ptr[static_cast<std::size_t>(j) + 1]);
+  const auto there = std::find(begin, end, i);
+  const std::ptrdiff_t place = there - next.row_ind.begin();
+  const T more = i == j ? 0.5 : 1e-3;
+  if (there != end) {
+    next.values[static_cast<std::size_t>(place)] += more;
+  } else {
+    next.row_ind.insert(next.row_ind.begin() + place, i);
+    next.values.insert(next.values.begin() + place, more);
+    for (auto c = static_cast<std::size_t>(j) + 1; c <= n; ++c) ++next.col_ptr[c];
   }
+  a.matrix = next;
+  const ChangeResult result = with_copy(a.matrix, [&](const MatrixOf<T>& m) { return a.solver.analyze_change(m); });
+  analyzed(a, result.analysis.status, "analyze_change");
 }
 
 template <class T>

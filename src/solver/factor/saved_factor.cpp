@@ -207,7 +207,11 @@ template <class AnySolver>
 Session& whole_session(AnySolver& solver, const char* call) {
   Session& s = SolverAccess::session(solver);
   check_factorized(s, call);
-  if (s.parts || s.link() != nullptr) throw std::logic_error(fmt::format("{}: the matrix comes in parts", call));
+  if (s.parts || s.link() != nullptr)
+    throw std::logic_error(fmt::format(
+        "{}: the matrix comes in parts, and so does its factor; save_analysis() keeps its order, with which it is "
+        "factorized again",
+        call));
   return s;
 }
 
