@@ -85,7 +85,7 @@ def main():
     failed = False
     for name, value in measured.items():
         bound = bounds.get(name)
-        print(f"{name}: {value:,.1f}" + ("" if bound is None else f" (bound {bound:,.1f}, {value / bound - 1:+.1%})"))
+        print(f"{name}: {value:,.1f}" + ("" if bound is None else f" (bound {bound:,.1f}, {value / bound - 1 if bound else 0:+.1%})"))
         if bound is not None and value > bound * (1 + TOLERANCE[name]):
             print(f"  has grown by more than {TOLERANCE[name]:.1%}: make it lighter, or give the reason and --update")
             failed = not arguments.update or failed

@@ -122,18 +122,11 @@ __global__ void __launch_bounds__(kThreads) solid_kernel(const ElementsJob job, 
 template <class Use>
 auto with_sizes(ElementType type, const Use& use) {
   switch (type) {
-    case ElementType::tet4:
-      return use(std::integral_constant<int, 4>(), std::integral_constant<int, 4>());
-    case ElementType::tet10:
-      return use(std::integral_constant<int, 10>(), std::integral_constant<int, 14>());
-    case ElementType::hex8:
-      return use(std::integral_constant<int, 8>(), std::integral_constant<int, 8>());
-    case ElementType::hex20:
-      return use(std::integral_constant<int, 20>(), std::integral_constant<int, 27>());
-    case ElementType::wedge6:
-      return use(std::integral_constant<int, 6>(), std::integral_constant<int, 6>());
-    case ElementType::wedge15:
-      return use(std::integral_constant<int, 15>(), std::integral_constant<int, 21>());
+#define ESPALIER_CASE(kind, nodes, points) \
+  case ElementType::kind:                  \
+    return use(std::integral_constant<int, nodes>(), std::integral_constant<int, points>());
+    ESPALIER_FOR_SOLIDS(ESPALIER_CASE)
+#undef ESPALIER_CASE
     default:
       throw std::invalid_argument("launch_elements: a type that is no simulated solid");
   }

@@ -247,6 +247,10 @@ std::string collapsed_corners(const Mesh& mesh, Index element) {
 }
 
 /// "hexahedron", "tetrahedron" or "wedge".
+#define ESPALIER_NAME(kind, nodes, points) ", " #kind
+constexpr char kSolids[] = ESPALIER_FOR_SOLIDS(ESPALIER_NAME);
+#undef ESPALIER_NAME
+
 const char* solid_word(ElementType type) {
   return shape_of(type).corners == 8 ? "hexahedron" : shape_of(type).corners == 4 ? "tetrahedron" : "wedge";
 }
@@ -255,10 +259,9 @@ const char* solid_word(ElementType type) {
 void check_elements(const Mesh& mesh, std::span<const Index> elements, base::ThreadPool* pool) {
   for (const Index e : elements)
     if (!is_simulated_solid(mesh.type(e)))
-      throw Error(
-          StatusCode::invalid_input,
-          fmt::format("mesh '{}', element {}: {} is not simulated (tet4, tet10, hex8, hex20, wedge6, wedge15 are)",
-                      mesh.name, mesh.element_label(e), shape_of(mesh.type(e)).name));
+      throw Error(StatusCode::invalid_input,
+                  fmt::format("mesh '{}', element {}: {} is not simulated ({} are)", mesh.name, mesh.element_label(e),
+                              shape_of(mesh.type(e)).name, &kSolids[2]));
   const std::vector<SmallestJacobian> found = smallest_jacobians(mesh, elements, pool);
   for (std::size_t k = 0; k < found.size(); ++k)
     if (const double det = found[k].points; !(det > 0)) {

@@ -34,6 +34,11 @@ void shape_values(ElementType type, const double* xi, double* values);
 /// Derivatives along the reference coordinates: dn[d * nodes + a] = dN_a / dxi_d, d < dimension.
 void shape_gradients(ElementType type, const double* xi, double* dn);
 
+/// The solids that are simulated: X(type, nodes, most points of a rule). A new one is a line here, its rules and shape
+/// functions in shape_functions.cpp, and its row in mesh/element_type.
+#define ESPALIER_FOR_SOLIDS(X) \
+  X(tet4, 4, 4) X(tet10, 10, 14) X(hex8, 8, 8) X(hex20, 20, 27) X(wedge6, 6, 6) X(wedge15, 15, 21)
+
 /// The points of a rule with the shape functions evaluated there; made once per type and rule.
 template <int kNodes, int kMaxPoints>
 struct ShapeTable {

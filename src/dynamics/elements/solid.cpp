@@ -147,31 +147,13 @@ ESPALIER_INLINE bool evaluate(const Table& table, const Material& material, cons
   return true;
 }
 
-ESPALIER_CLONES bool evaluate_tet4(const ShapeTable<4, 4>& t, const Material& m, const ElementInput& in,
-                                   ElementOutput& out) {
-  return evaluate<4>(t, m, in, out);
-}
-ESPALIER_CLONES bool evaluate_tet10(const ShapeTable<10, 14>& t, const Material& m, const ElementInput& in,
-                                    ElementOutput& out) {
-  return evaluate<10>(t, m, in, out);
-}
-ESPALIER_CLONES bool evaluate_hex8(const ShapeTable<8, 8>& t, const Material& m, const ElementInput& in,
-                                   ElementOutput& out) {
-  return evaluate<8>(t, m, in, out);
-}
-ESPALIER_CLONES bool evaluate_hex20(const ShapeTable<20, 27>& t, const Material& m, const ElementInput& in,
-                                    ElementOutput& out) {
-  return evaluate<20>(t, m, in, out);
-}
-
-ESPALIER_CLONES bool evaluate_wedge6(const ShapeTable<6, 6>& t, const Material& m, const ElementInput& in,
-                                     ElementOutput& out) {
-  return evaluate<6>(t, m, in, out);
-}
-ESPALIER_CLONES bool evaluate_wedge15(const ShapeTable<15, 21>& t, const Material& m, const ElementInput& in,
-                                      ElementOutput& out) {
-  return evaluate<15>(t, m, in, out);
-}
+#define ESPALIER_EVALUATE(kind, nodes, points)                                                                        \
+  ESPALIER_CLONES bool evaluate_##kind(const ShapeTable<nodes, points>& t, const Material& m, const ElementInput& in, \
+                                       ElementOutput& out) {                                                          \
+    return evaluate<nodes>(t, m, in, out);                                                                            \
+  }
+ESPALIER_FOR_SOLIDS(ESPALIER_EVALUATE)
+#undef ESPALIER_EVALUATE
 
 /// The shape functions at some points, for loops over elements before the first step.
 struct SampledShapeFunctions {
@@ -224,32 +206,25 @@ struct SampledSolid {
 };
 
 const SampledSolid& sampled(ElementType type) {
-  static const SampledSolid tet4(ElementType::tet4), tet10(ElementType::tet10), hex8(ElementType::hex8),
-      hex20(ElementType::hex20), wedge6(ElementType::wedge6), wedge15(ElementType::wedge15);
-  return type == ElementType::tet4      ? tet4
-         : type == ElementType::tet10   ? tet10
-         : type == ElementType::hex8    ? hex8
-         : type == ElementType::wedge6  ? wedge6
-         : type == ElementType::wedge15 ? wedge15
-                                        : hex20;
+#define ESPALIER_SAMPLED(kind, nodes, points)           \
+  if (type == ElementType::kind) {                      \
+    static const SampledSolid solid(ElementType::kind); \
+    return solid;                                       \
+  }
+  ESPALIER_FOR_SOLIDS(ESPALIER_SAMPLED)
+#undef ESPALIER_SAMPLED
+  throw std::invalid_argument(fmt::format("{} is not a simulated solid", shape_of(type).name));
 }
 
 }  // namespace
 
 bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in, ElementOutput& out) {
   switch (type) {
-    case ElementType::tet4:
-      return evaluate_tet4(solid_table<4, 4>(type, rule), material, in, out);
-    case ElementType::tet10:
-      return evaluate_tet10(solid_table<10, 14>(type, rule), material, in, out);
-    case ElementType::hex8:
-      return evaluate_hex8(solid_table<8, 8>(type, rule), material, in, out);
-    case ElementType::hex20:
-      return evaluate_hex20(solid_table<20, 27>(type, rule), material, in, out);
-    case ElementType::wedge6:
-      return evaluate_wedge6(solid_table<6, 6>(type, rule), material, in, out);
-    case ElementType::wedge15:
-      return evaluate_wedge15(solid_table<15, 21>(type, rule), material, in, out);
+#define ESPALIER_CASE(kind, nodes, points) \
+  case ElementType::kind:                  \
+    return evaluate_##kind(solid_table<nodes, points>(type, rule), material, in, out);
+    ESPALIER_FOR_SOLIDS(ESPALIER_CASE)
+#undef ESPALIER_CASE
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid: {} is not a simulated solid", shape_of(type).name));
   }

@@ -152,11 +152,10 @@ ESPALIER_ANYWHERE unsigned evaluate_solid_block(const SolidConstants& law, const
 
 template <class T>
 SolidKernels solid_kernels() {
-  return {T::kWidth,
-          &evaluate_solid_block<T, 4, 4>,
-          &evaluate_solid_block<T, 10, 14>,
-          &evaluate_solid_block<T, 8, 8>,
-          &evaluate_solid_block<T, 20, 27>,
-          &evaluate_solid_block<T, 6, 6>,
-          &evaluate_solid_block<T, 15, 21>};
+  SolidKernels kernels;
+  kernels.width = T::kWidth;
+#define ESPALIER_KERNEL(kind, nodes, points) kernels.kind = &evaluate_solid_block<T, nodes, points>;
+  ESPALIER_FOR_SOLIDS(ESPALIER_KERNEL)
+#undef ESPALIER_KERNEL
+  return kernels;
 }

@@ -59,18 +59,11 @@ unsigned evaluate_solid_block(const SolidKernels& kernels, ElementType type, Rul
                               const BlockInput& in, const BlockOutput& out) {
   const SolidConstants law{material.law == SolidLaw::neo_hookean, material.lambda(), material.mu()};
   switch (type) {
-    case ElementType::tet4:
-      return kernels.tet4(law, solid_table<4, 4>(type, rule), in, out);
-    case ElementType::tet10:
-      return kernels.tet10(law, solid_table<10, 14>(type, rule), in, out);
-    case ElementType::hex8:
-      return kernels.hex8(law, solid_table<8, 8>(type, rule), in, out);
-    case ElementType::hex20:
-      return kernels.hex20(law, solid_table<20, 27>(type, rule), in, out);
-    case ElementType::wedge6:
-      return kernels.wedge6(law, solid_table<6, 6>(type, rule), in, out);
-    case ElementType::wedge15:
-      return kernels.wedge15(law, solid_table<15, 21>(type, rule), in, out);
+#define ESPALIER_CASE(kind, nodes, points) \
+  case ElementType::kind:                  \
+    return kernels.kind(law, solid_table<nodes, points>(type, rule), in, out);
+    ESPALIER_FOR_SOLIDS(ESPALIER_CASE)
+#undef ESPALIER_CASE
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid_block: {} is no simulated solid", shape_of(type).name));
   }

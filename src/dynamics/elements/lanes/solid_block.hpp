@@ -24,12 +24,9 @@ using SolidKernel = unsigned (*)(const SolidConstants& law, const ShapeTable<kNo
 /// Kernels and their number of lanes.
 struct SolidKernels {
   int width = 1;
-  SolidKernel<4, 4> tet4 = nullptr;
-  SolidKernel<10, 14> tet10 = nullptr;
-  SolidKernel<8, 8> hex8 = nullptr;
-  SolidKernel<20, 27> hex20 = nullptr;
-  SolidKernel<6, 6> wedge6 = nullptr;
-  SolidKernel<15, 21> wedge15 = nullptr;
+#define ESPALIER_KERNEL(kind, nodes, points) SolidKernel<nodes, points> kind = nullptr;
+  ESPALIER_FOR_SOLIDS(ESPALIER_KERNEL)
+#undef ESPALIER_KERNEL
 };
 /// One element at a time.
 [[nodiscard]] SolidKernels scalar_solid_kernels();

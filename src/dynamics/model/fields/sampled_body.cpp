@@ -11,6 +11,7 @@
 #include "base/parallel.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
+#include "dynamics/elements/shape_functions.hpp"
 #include "dynamics/elements/solid_parts.hpp"
 #include "dynamics/elements/strain_material.hpp"
 #include "dynamics/model/frames/labels.hpp"
@@ -22,12 +23,11 @@ constexpr std::int64_t kElements = 64, kFewest = 256;  // of a task; below it on
 constexpr int kShearPairs[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {0, 2}};
 
 ElementType solid_shape(int vertices) {
-  return vertices == 4    ? ElementType::tet4
-         : vertices == 10 ? ElementType::tet10
-         : vertices == 20 ? ElementType::hex20
-         : vertices == 6  ? ElementType::wedge6
-         : vertices == 15 ? ElementType::wedge15
-                          : ElementType::hex8;
+#define ESPALIER_SHAPE(kind, nodes, points) \
+  if (vertices == nodes) return ElementType::kind;
+  ESPALIER_FOR_SOLIDS(ESPALIER_SHAPE)
+#undef ESPALIER_SHAPE
+  return ElementType::hex8;
 }
 
 /// The root of C, from C - I: by Taylor's series where what it leaves out is below rounding, else by eigenvalues.
