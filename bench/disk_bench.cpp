@@ -22,7 +22,7 @@ using bench::check;
 using bench::median;
 using bench::seconds_of;
 
-// Of one sort of call.
+// The turns of one sort of call.
 struct Turns {
   std::vector<double> seconds, in_core, disk, ratio;
   void add(double elapsed, double arithmetic, double of_disk) {

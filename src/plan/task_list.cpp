@@ -194,7 +194,7 @@ class TaskLister {
     add({f}, is_range_[f] != 0 ? subtree_begin_[f] : f, 1, is_late(f));
   }
 
-  // Those of the fronts that are late, or the others.
+  // The tiles of the fronts that are late, or of the others.
   void add_tiles(std::span<const Index> fronts, bool late) {
     std::vector<Index> some;
     Offset tasks = 0;
