@@ -125,8 +125,8 @@ TEST(BatchChunks, SomeIndefiniteSystemsLeaveTheOthersTogether) {
   EXPECT_NE(log.find("58 of 64 systems were solved in chunks of 64"), std::string::npos) << log;
 }
 
-// Two lanes share what is more than one chunk; a chunk alone has all threads, and so has a caller's only one.
-TEST(BatchChunks, GoThroughTwoLanes) {
+// Two teams share what is more than one chunk; a chunk alone has all threads, and so has a caller's only one.
+TEST(BatchChunks, GoThroughTwoTeams) {
   const SparseMatrix a = constrained_chain(60);
   constexpr Index kCount = 20;
   const std::vector<double> values = values_of(a, kCount, 1), b = reference::random_vector(60 * kCount, 2);
@@ -140,7 +140,7 @@ TEST(BatchChunks, GoThroughTwoLanes) {
       o.log = [&](const std::string& line) { log = line; };
       Batch batch(o);
       ASSERT_TRUE(batch.analyze(a).status.ok());
-      for (const Index count : {kCount, Index{5}, kCount}) {  // lanes stay from call to call
+      for (const Index count : {kCount, Index{5}, kCount}) {  // teams stay from call to call
         std::vector<double> x(static_cast<std::size_t>(60 * count));
         const std::size_t nonzeros = a.values.size() * static_cast<std::size_t>(count);
         const BatchResult r = batch.solve(std::span(values).first(nonzeros), std::span(b).first(x.size()), x, count);
@@ -148,7 +148,7 @@ TEST(BatchChunks, GoThroughTwoLanes) {
         if (truth.empty()) truth = x;
         EXPECT_TRUE(std::equal(x.begin(), x.end(), truth.begin()));
         if (count == kCount) {
-          EXPECT_NE(log.find(threads == 1 || chunk == 20 ? "lanes: 1" : "lanes: 2"), std::string::npos) << log;
+          EXPECT_NE(log.find(threads == 1 || chunk == 20 ? "teams: 1" : "teams: 2"), std::string::npos) << log;
         }
       }
     }
@@ -331,7 +331,7 @@ TEST_F(BatchOnGpu, GpuChunksInLanesRefineEachSystemForItself) {
           8 * kEps);
     }
     EXPECT_NE(log.find("148 of 150 systems were solved in chunks of 40"), std::string::npos) << log;
-    EXPECT_NE(log.find("lanes: 2"), std::string::npos) << log;
+    EXPECT_NE(log.find("teams: 2"), std::string::npos) << log;
   }
 }
 
