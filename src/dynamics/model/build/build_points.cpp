@@ -14,7 +14,7 @@
 namespace espalier::dynamics::model {
 namespace {
 
-Vec3 reference_of(const FlexibleBody& body, Index node) {
+Vec3 reference_of_node(const FlexibleBody& body, Index node) {
   return Eigen::Map<const Vec3>(body.reference().data() + 3 * node * body.vertices_per_node());
 }
 
@@ -107,7 +107,7 @@ std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltB
   std::vector<HeldPoint> points;
   for (const Index k : nodes_of(m, body)) {
     if (flexible.vertices_per_node() == 1) {
-      points.push_back({fmt::format("node {}", body.mesh->node_label(k)), {{k, 1}}, reference_of(flexible, k)});
+      points.push_back({fmt::format("node {}", body.mesh->node_label(k)), {{k, 1}}, reference_of_node(flexible, k)});
       continue;
     }
     if (shell == nullptr)
@@ -121,7 +121,7 @@ std::vector<HeldPoint> FrameBuilder::points_of(const MarkerSpec& m, const BuiltB
       const double height = side * apart - shell->offset;  // about the node, which the offset is measured from
       points.push_back({fmt::format("node {}, {}", shell->mesh->node_label(k), side < 0 ? "bottom" : "top"),
                         {{2 * k, 1}, {2 * k + 1, height}},
-                        reference_of(flexible, k) + height * director});
+                        reference_of_node(flexible, k) + height * director});
     }
   }
   return points;
