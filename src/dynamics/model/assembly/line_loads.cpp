@@ -15,7 +15,7 @@ namespace {
 
 using Edge = std::pair<Index, Index>;
 
-Vec3 reference_of(const FlexibleBody& body, Index vertex) {
+Vec3 reference_of_vertex(const FlexibleBody& body, Index vertex) {
   return Eigen::Map<const Vec3>(body.reference().data() + 3 * vertex);
 }
 
@@ -59,14 +59,14 @@ std::vector<LoadedPoint> on_edges(const BuiltBody& body, const ShellSpec& shell,
   for (const auto& [a, b] : edges) {
     const std::array<Index, 2> ends = {a, b};
     const auto node = [&](std::size_t k) {
-      return Vec3(reference_of(*body.flexible, 2 * ends[k]) -
-                  shell.offset * reference_of(*body.flexible, 2 * ends[k] + 1));
+      return Vec3(reference_of_vertex(*body.flexible, 2 * ends[k]) -
+                  shell.offset * reference_of_vertex(*body.flexible, 2 * ends[k] + 1));
     };
     const Vec3 along = node(1) - node(0);
     for (const LinePoint& point : kGauss2) {
       const std::array<double, 2> share = {0.5 * (1 - point.xi), 0.5 * (1 + point.xi)};
       Vec3 director = Vec3::Zero();
-      for (std::size_t k = 0; k < 2; ++k) director += share[k] * reference_of(*body.flexible, 2 * ends[k] + 1);
+      for (std::size_t k = 0; k < 2; ++k) director += share[k] * reference_of_vertex(*body.flexible, 2 * ends[k] + 1);
       const Vec3 arm = kEdge * director.squaredNorm() / along.squaredNorm() * along;
       std::vector<FrameVertex> vertices;
       for (std::size_t k = 0; k < 2; ++k) {
@@ -103,7 +103,8 @@ std::vector<LoadedPoint> on_elements(const BuiltBody& body, const std::vector<Li
       for (Index axis = 2; axis < each; ++axis) {  // of beams: the section's y and z
         const std::array<double, 2> share = {0.5 * (1 - xi), 0.5 * (1 + xi)};
         Vec3 arm = Vec3::Zero();
-        for (std::size_t k = 0; k < 2; ++k) arm += share[k] * reference_of(*body.flexible, each * e.nodes[k] + axis);
+        for (std::size_t k = 0; k < 2; ++k)
+          arm += share[k] * reference_of_vertex(*body.flexible, each * e.nodes[k] + axis);
         for (std::size_t k = 0; k < 2; ++k) vertices.push_back({each * e.nodes[k] + axis, 0, share[k] * arm});
       }
       out.push_back({frame_of(body, std::move(vertices)), 0.5 * point.weight * part * e.length});

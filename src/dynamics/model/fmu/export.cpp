@@ -29,7 +29,6 @@ namespace {
 using dynamics::model::Runner;
 using dynamics::model::Value;
 using fmi::Variable;
-using Kind = Variable::Kind;
 
 [[noreturn]] void refuse(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
 
@@ -132,7 +131,7 @@ class Exporter {
   }
 
   void variables() {
-    contents_.variables.push_back({Kind::time, "time", runner_->time(), {}});
+    contents_.variables.push_back({Variable::Kind::time, "time", runner_->time(), {}});
     contents_.model = name_;
     contents_.end = std::isfinite(integrator_.end) ? integrator_.end : runner_->time() + 1;
     contents_.adaptive = integrator_.method == dynamics::model::Method::bdf && integrator_.bdf.fixed_step == 0;
@@ -142,7 +141,7 @@ class Exporter {
     const std::vector<SimulationQuantity> known = runner_->all_quantities();
     for (const auto& found : summary_.values) {
       const auto it = std::find_if(known.begin(), known.end(), [&](const auto& q) { return q.name == found.first; });
-      add({Kind::output, found.first, found.second, it == known.end() ? "" : it->unit});
+      add({Variable::Kind::output, found.first, found.second, it == known.end() ? "" : it->unit});
     }
     why_not_ = dynamics::model::why_no_ode(*runner_);
     if (why_not_.empty()) states();
@@ -152,7 +151,7 @@ class Exporter {
     for (const Variable& other : contents_.variables)
       if (other.name == v.name)
         refuse(fmt::format("the variable '{}' would be there twice, as {} and as output", v.name,
-                           other.kind == Kind::input ? "input" : "parameter"));
+                           other.kind == Variable::Kind::input ? "input" : "parameter"));
     contents_.variables.push_back(std::move(v));
   }
 
@@ -168,7 +167,7 @@ class Exporter {
         refuse(fmt::format("there is no input '{}' in the model's [inputs]{}", name,
                            names.empty() ? ", which is not there: expressions of forces and motors read 'inputs.NAME'"
                                          : dynamics::model::suggestion(name, names)));
-      add({Kind::input, name, all[static_cast<std::size_t>(it - names.begin())].second, {}});
+      add({Variable::Kind::input, name, all[static_cast<std::size_t>(it - names.begin())].second, {}});
     }
   }
 
@@ -191,7 +190,7 @@ class Exporter {
       const std::string name = path ? given : "parameters." + given;
       if (name.starts_with("inputs.") || name == "integrator.start" || name == "integrator.end")
         refuse(fmt::format("'{}' is no parameter: inputs and times are the caller's", name));
-      add({Kind::parameter, name, dynamics::model::number_at(root_, options_.set, name), {}});
+      add({Variable::Kind::parameter, name, dynamics::model::number_at(root_, options_.set, name), {}});
     }
   }
 
@@ -201,10 +200,11 @@ class Exporter {
     const std::size_t n = s.q.size();
     std::vector<std::string> names;
     for (std::size_t k = 0; k < n; ++k) names.push_back("state " + system.coordinate_name(static_cast<Index>(k)));
-    for (std::size_t k = 0; k < n; ++k) add({Kind::state, names[k], s.q[k], {}});
-    for (std::size_t k = 0; k < n; ++k) add({Kind::state, "velocity of " + names[k], s.v[k], {}});
-    for (std::size_t k = 0; k < n; ++k) add({Kind::derivative, "der(" + names[k] + ")", s.v[k], {}});
-    for (std::size_t k = 0; k < n; ++k) add({Kind::derivative, "der(velocity of " + names[k] + ")", s.a[k], {}});
+    for (std::size_t k = 0; k < n; ++k) add({Variable::Kind::state, names[k], s.q[k], {}});
+    for (std::size_t k = 0; k < n; ++k) add({Variable::Kind::state, "velocity of " + names[k], s.v[k], {}});
+    for (std::size_t k = 0; k < n; ++k) add({Variable::Kind::derivative, "der(" + names[k] + ")", s.v[k], {}});
+    for (std::size_t k = 0; k < n; ++k)
+      add({Variable::Kind::derivative, "der(velocity of " + names[k] + ")", s.a[k], {}});
   }
 
   void pack(const std::string& path, FmuResult& result) {
