@@ -12,13 +12,13 @@
 namespace espalier::dynamics {
 namespace {
 
-struct Drift {
+struct DriftOfNodes {
   double momentum = 0, angular_momentum = 0, energy = 0;  // relative
   double strain_energy = 0;                               // largest seen, relative to the kinetic energy
 };
 
 // A soft block that is thrown and tumbles about all three axes; it starts unstrained, so it stretches and swings.
-Drift tumble(SolidLaw law, double tolerance) {
+DriftOfNodes tumble(SolidLaw law, double tolerance) {
   AssembledSystem system;
   auto owned = make_solid_body("block", make_block({3, 2, 1}, 3, 2, 1, ElementType::hex8), {law, 2e5, 0.3, 1000});
   owned->set_initial_motion({1, 0, 0, 0, 1, 0, 0, 0, 1}, {-1.5, -1, -0.5}, {1, -2, 0.5}, {1, 2, 3});
@@ -34,7 +34,7 @@ Drift tumble(SolidLaw law, double tolerance) {
   bdf.start(s);
   const MassProperties before = body.mass_properties(s.q, s.v);
   const Energy energy = system.energy(s.view());
-  Drift drift;
+  DriftOfNodes drift;
   bdf.integrate(0.3, [&](const StepReport&) {
     drift.strain_energy = std::max(drift.strain_energy, system.energy(bdf.state().view()).potential / energy.kinetic);
     return true;
@@ -58,7 +58,7 @@ Drift tumble(SolidLaw law, double tolerance) {
 class FreeFlight : public testing::TestWithParam<SolidLaw> {};
 
 TEST_P(FreeFlight, ConservesMomentaAndEnergy) {
-  const Drift coarse = tumble(GetParam(), 1e-5), fine = tumble(GetParam(), 1e-7);
+  const DriftOfNodes coarse = tumble(GetParam(), 1e-5), fine = tumble(GetParam(), 1e-7);
   EXPECT_GT(fine.strain_energy, 1e-3);  // it does deform
   // Linear momentum is a linear invariant, which every BDF keeps to round-off (sums over 72 coordinates, a few hundred
   // steps); the others follow the tolerance. Measured with the fine one: 1.3e-8 and 1.2e-7.
