@@ -276,7 +276,8 @@ TEST(Harmonic, AStopIsHeardWithinAFactorization) {
   o.solver.interrupted_every = 0;
   o.solver.interrupted = [&] { return ++asked < 0; };
   ASSERT_TRUE(harmonic_response(k, {}, m, f, 1, o).status.ok());
-  // Threads that wait ask as well: how often depends on the machine. Without them it is some 19 times for each frequency.
+  // Threads that wait ask as well: how often depends on the machine. Without them it is some 19 times for each
+  // frequency.
   EXPECT_GT(asked, 10 * o.points);
   for (const int after : {2 * o.points, 5 * o.points, 10 * o.points}) {
     asked = 0;
