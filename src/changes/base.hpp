@@ -86,7 +86,7 @@ class Base {
   void substitute(const T* b, T* x, Index columns, bool turned = false);
 
  private:
-  static constexpr std::size_t kParts = sizeof(T) / sizeof(double);
+  static constexpr std::size_t kParts = base::ScalarTraits<T>::is_complex ? 2 : 1;
   static const double* parts(const T* x) { return reinterpret_cast<const double*>(x); }
   static double* parts(T* x) { return reinterpret_cast<double*>(x); }
   [[nodiscard]] device::DeviceLinearSystem* device() const {

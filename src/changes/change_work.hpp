@@ -12,7 +12,7 @@ namespace espalier::changes {
 inline constexpr Index kSideBySide = 32;
 /// Doubles in a number.
 template <class T>
-inline constexpr double kDoubles = sizeof(T) / sizeof(double);
+inline constexpr double kDoubles = base::ScalarTraits<T>::is_complex ? 2 : 1;
 
 /// The work of a sweep up and down the factor: it waits for memory.
 template <class T>

@@ -88,8 +88,8 @@ std::vector<Item<T>> low_rank_items(const std::vector<SparseVector<T>>& u, std::
   if (core == turned && mirrors(u, v, hermitian)) {  // one row and column for each eigenvalue, which the inertia needs
     const Factors<T> f = symmetric_factors<T>(core, hermitian);
     for (Eigen::Index k = 0; k < rank; ++k) {
-      SparseVector<T> column = combined<T>(u, f.q.col(k)), row = column.mirrored(hermitian);
-      push(std::move(column), std::move(row), T(-1 / f.values[k]));
+      const SparseVector<T> column = combined<T>(u, f.q.col(k));
+      push(column, column.mirrored(hermitian), T(-1 / f.values[k]));
     }
   } else {
     for (Eigen::Index k = 0; k < rank; ++k)
