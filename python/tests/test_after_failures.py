@@ -257,8 +257,8 @@ def test_changed_system_after_everything_that_fails():
     solver.factorize(a * (1 + 1j))
     with pytest.raises(RuntimeError, match=r"reset\(\)"):
         changed.solve(np.ones(7))
-    with pytest.raises(TypeError, match="complex"):
-        changed.reset()
+    changed.reset()
+    np.testing.assert_allclose((1 + 1j) * (full @ changed.solve(b)), b, atol=1e-10)
     solver.factorize(a)
     changed.reset()
     np.testing.assert_allclose(full @ changed.solve(b), b, atol=1e-10)

@@ -210,7 +210,7 @@ def test_derivatives_of_model_exchange(tmp_path, version):
     unknowns = [reference[v.name] for v in made.variables if v.kind in ("output", "derivative")]
     inputs = [reference["push"], reference["valve"]]
     get = fmu.getReal if version == 2 else fmu.getFloat64
-    put = fmu.setReal if version == 2 else fmu.setFloat64
+    set_values = fmu.setReal if version == 2 else fmu.setFloat64
     fmu.exitInitializationMode()
     (fmu.enterContinuousTimeMode if version == 3 else lambda: None)()
     at = np.array(get(states + inputs))

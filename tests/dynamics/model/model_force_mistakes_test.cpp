@@ -89,7 +89,7 @@ std::vector<Mistake> force_mistakes() {
            "slot = { type = \"spherical\", bodies = [\"ground\", \"bob\"], at = [0, 0, 0], limits = { lower = 0, "
            "stiffness = 1, smoothing = 1 } }\n" +
            kModel.substr(kModel.find("[integrator]")),
-       {"joints.slot.limits", "only revolute, parallel-axes, prismatic"}},
+       {"joints.slot.limits", "only revolute, cylindrical, prismatic"}},
       {"empty range",
        with_hinge("limits = { lower = 1, upper = 0, stiffness = 1, smoothing = 1 }"),
        {"joints.hinge.limits.upper", "greater than 'lower'"}},
