@@ -81,6 +81,7 @@ void DiskStore::read_plan(Lock& lock) {
       else
         waits = true;
     }
+    if (stop_ || failure_ != nullptr) return;  // told while a block was read: nobody would tell it again
     if (waits)
       work_.wait(lock);
     else if (&u == &uses_[next_use_])

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 #include <random>
 #include <thread>
@@ -184,6 +185,30 @@ TEST(DiskStore, WhatIsUsedUpDoesNotGoToTheDisk) {
   }
   carry_out_on_disk(store, p, 0);
   EXPECT_EQ(store.traffic().written_bytes, 0);
+}
+
+// A run may end at any time: while blocks are read ahead, when no memory is left for the next one, too. Whoever reads
+// must hear of it (a test that fails by never ending).
+TEST(DiskStore, EndsWhileItReadsAhead) {
+  const DiskFolder folder;
+  constexpr Offset kBlocks = 120, kWindow = 12;
+  DiskStore store(kBlocks * kDiskBlock, {folder.path(), kWindow * kDiskBlock, kDiskBlock}, nullptr);
+  DiskProgram p;
+  p.truth.assign(static_cast<std::size_t>(store.bytes() / kWord), 0);
+  for (Index k = 0; k < kBlocks; ++k) p.uses.push_back({k, true, {k * kDiskBlock, kDiskBlock}});
+  carry_out_on_disk(store, p, store.bytes());
+  std::vector<StoreUse> reads;
+  for (Index k = 0; k < 3; ++k) reads.push_back({k, false, {40 * k * kDiskBlock, 40 * kDiskBlock}});
+  store.set_plan(reads, store.bytes(), 1, 3);
+  std::mt19937_64 random(14);
+  std::uniform_int_distribution<int> microseconds(0, 600);
+  for (int again = 0; again < 400; ++again) {
+    store.begin_plan(true);
+    store.at_step(0, again % 3);
+    std::this_thread::sleep_for(std::chrono::microseconds(microseconds(random)));
+    store.end();
+  }
+  expect_parts(store, p, random);
 }
 
 // Every place of the file is damaged in turn, and its end is cut off.
