@@ -295,14 +295,14 @@ Index ProductMatcher::bid_for_row(Index j, std::vector<Index>& displaced) {
 void ProductMatcher::bid() {
   // Measured on late interior-point systems (docs/notebook/ordering.md, "Matching"): more bids cost more than the
   // searches that they save; without the bound on a chain, two columns with nearly the same wishes eat up all of it.
-  constexpr int kPasses = 5;
+  constexpr int kRoundsOfBids = 5;
   constexpr int kChain = 20;
   constexpr Offset kEffort = 20;  // times the entries of the matrix
   effort_ = kEffort * static_cast<Offset>(a_.row.size());
   std::vector<Index> waiting, displaced;
   for (Index j = 0; j < a_.n; ++j)
     if (row_of_col[at(j)] < 0) waiting.push_back(j);
-  for (int pass = 0; pass < kPasses; ++pass) {
+  for (int pass = 0; pass < kRoundsOfBids; ++pass) {
     for (Index j : waiting) {
       for (int step = 0; j >= 0 && effort_ > 0 && step < kChain; ++step) j = bid_for_row(j, displaced);
       if (j >= 0) displaced.push_back(j);

@@ -120,7 +120,7 @@ std::unique_ptr<Runner> SensitivityRun::beside_nominal(const Ends& ends, int abo
 }
 
 void SensitivityRun::compare(const Mechanism& side, const std::string& path) const {
-  constexpr double kAlike = 0.05;
+  constexpr double kSamePlace = 0.05;
   const auto jump = [&](const std::string& what) {
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} jumps with {}, so it has no derivative; choose another parameter, or a smaller step",
@@ -137,7 +137,7 @@ void SensitivityRun::compare(const Mechanism& side, const std::string& path) con
     if (marks.size() != other.size()) jump(fmt::format("what '{}' remembers", own[k]->name()));
     const double size = max_norm(marks);
     for (std::size_t i = 0; i < marks.size(); ++i)
-      if (std::abs(marks[i] - other[i]) > kAlike * size)
+      if (std::abs(marks[i] - other[i]) > kSamePlace * size)
         jump(fmt::format("number {} of '{}' (a shape, where it is a reduced body)", i + 1, own[k]->name()));
   }
 }
