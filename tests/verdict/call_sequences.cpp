@@ -68,6 +68,7 @@ Options Sequence<T>::random_options() {
   o.interrupted_every = 0;
   // What pivots that fail change in the plan stays until the next analysis.
   o.log = [this](const std::string& line) {
+    if (std::getenv("VERDICT_LOG") != nullptr) std::printf("  %s\n", line.c_str());
     for (const char* word : {"later front", "going on", "given up", "wider"})
       plan_changed_ = plan_changed_ || line.find(word) != std::string::npos;
   };

@@ -37,6 +37,10 @@ std::uint64_t layout_of_arrays(const NumericState<T>& state) {
   }
   base::Checksum sum;
   sum.add_list(std::span<const std::int64_t>(words));
+  // Fronts of the same sizes may have other unknowns: those of pivots that were moved.
+  sum.add_list(std::span(plan.tree.order));
+  sum.add_list(std::span(plan.tree.parent));
+  sum.add_list(std::span(plan.tree.rows));
   return sum.value() | 1;
 }
 
