@@ -1,5 +1,7 @@
 #include "dynamics/output/hdf5_objects.hpp"
 
+#include <zlib.h>
+
 #include <algorithm>
 #include <bit>
 
