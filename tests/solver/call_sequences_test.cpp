@@ -4,6 +4,8 @@
 
 #include <gtest/gtest.h>
 
+#include "solver/as_real_form.hpp"
+
 namespace espalier {
 namespace call_sequences_test {
 
@@ -19,6 +21,18 @@ TEST(CallSequences, NoSolutionIsThatOfOldValues) {
   EXPECT_GT(solutions, 500);
   EXPECT_GT(bits, 200);
   EXPECT_GT(errors, 500);
+}
+
+// As GPUs do it. Every fourth sequence is of a complex system.
+TEST(CallSequences, NorAreThoseOfRealForms) {
+  const test::AsRealForm as_real_form;
+  int solutions = 0;
+  for (std::uint64_t seed = 3; seed <= 80; seed += 4) {
+    const verdict::SequenceVerdict v = verdict::run_sequence(seed, 30);
+    EXPECT_EQ(v.wrong, "") << "ESPALIER_COMPLEX_FORM=real espalier_sequences 1 " << seed << " 30";
+    solutions += v.solutions;
+  }
+  EXPECT_GT(solutions, 100);
 }
 
 }  // namespace call_sequences_test
