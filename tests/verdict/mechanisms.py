@@ -179,7 +179,7 @@ class Poses:
             w = change[6 * body + 3 : 6 * body + 6]
             angle = np.linalg.norm(w)
             if angle > 0:
-                k = np.cross(np.eye(3), w / angle).T
+                k = np.cross(w / angle, np.eye(3)).T  # k @ v = w x v
                 self.turns[body] = (np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k) @ turn
 
     def apart(self):
@@ -197,11 +197,12 @@ def is_singular(centres, joints, rank):
         poses = Poses(centres, joints)
         step = np.random.default_rng(seed).standard_normal(len(motions)) @ motions
         poses.move(0.02 * step / np.linalg.norm(step))
-        for _ in range(80):
+        for _ in range(80):  # Levenberg and Marquardt: rows that nearly depend move nothing far
             rows, rest = poses.system()
             if np.abs(rest).max() < 1e-15:
                 break
-            poses.move(-np.linalg.lstsq(rows, rest, rcond=1e-9)[0])
+            damped = rows @ rows.T + np.linalg.norm(rest) * np.eye(len(rest))
+            poses.move(-rows.T @ np.linalg.lstsq(damped, rest, rcond=None)[0])
         values = np.linalg.svd(poses.system()[0])[1]
         if (values > 1e-7).sum() != rank or poses.apart() < 0.018:
             return True
