@@ -23,6 +23,8 @@ def test_redundant_rows_of_mechanisms_are_those_of_exact_arithmetic():
     judged = [mechanisms.judge(seed) for seed in range(1, 61)]
     assert [fault for _, fault in judged if fault] == []
     assert sum(what == "right" for what, _ in judged) > 50
+    # Next to its place a row of j7 has 1e-8 of a direction in which the next row lies.
+    assert mechanisms.judge(8732) == ("right", "")
 
 
 def test_a_mechanism_that_is_said_to_be_singular_is_held_against_its_neighbours():

@@ -186,13 +186,17 @@ std::vector<double> RedundancyGuard::scaled_rows(double t, ConstSpan q, std::vec
   return values;
 }
 
-std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q) {
+std::vector<DependentRow> RedundancyGuard::dependent_at(double t, ConstSpan q, const std::vector<DependentRow>& last) {
   // Four are named; the nearest rows of the loop that closes are among the first found.
   constexpr std::size_t kMostPartners = 64;
   std::vector<double> sizes;
-  std::vector<DependentRow> rows =
-      find_dependent_rows(equations_.system().constraint_pattern(), scaled_rows(t, q, sizes), options_.tolerance,
-                          kMostPartners, equations_.system().non_holonomic());
+  const std::span<const Index> velocities = equations_.system().non_holonomic();
+  std::vector<Index> after(velocities.begin(), velocities.end());
+  for (const DependentRow& d : last) after.push_back(d.row);
+  std::sort(after.begin(), after.end());
+  after.erase(std::unique(after.begin(), after.end()), after.end());
+  std::vector<DependentRow> rows = find_dependent_rows(
+      equations_.system().constraint_pattern(), scaled_rows(t, q, sizes), options_.tolerance, kMostPartners, after);
   std::erase_if(rows, [&](const DependentRow& d) { return absent(d.row); });
   return rows;
 }
@@ -241,7 +245,9 @@ void RedundancyGuard::analyze(const State& state) {
     if (error.status().code == StatusCode::cancelled) throw;
     return;  // no neighbour found: the decision at the given configuration stands
   }
-  const std::vector<DependentRow> there = dependent_at(beside.t, beside.q);
+  // Those that are kept come first. A row that has lost its direction here has a little of it there, and would take the
+  // place of one that has all of it: all rows behind it would be lost in rounding.
+  const std::vector<DependentRow> there = dependent_at(beside.t, beside.q, here);
   if (there.size() < here.size()) mark(there);
 }
 

@@ -80,7 +80,9 @@ class RedundancyGuard {
   /// Entries of Phi_q, those of lengths times the extent of the model (positions, and arms of the constraints), over
   /// the largest of each row (`sizes`); zero in absent rows.
   [[nodiscard]] std::vector<double> scaled_rows(double t, ConstSpan q, std::vector<double>& sizes);
-  [[nodiscard]] std::vector<DependentRow> dependent_at(double t, ConstSpan q);
+  /// @param last  rows whose turn comes after all others
+  [[nodiscard]] std::vector<DependentRow> dependent_at(double t, ConstSpan q,
+                                                       const std::vector<DependentRow>& last = {});
 
   Equations& equations_;
   RedundancyOptions options_;
