@@ -10,168 +10,12 @@ namespace espalier::dynamics {
 namespace {
 
 constexpr int kVertices = 4;
-constexpr int kCableDofs = 3 * kVertices;
 constexpr int kParts = 3;  // chord r2 - r1, slopes r1_x and r2_x: positions count by their difference alone
 
-/// Shape functions on an element of length 1 at the points of a rule, found once.
-template <std::size_t kPoints>
-struct ShapeFunctions {
-  double d[kPoints][kParts], dd[kPoints][kParts], weight[kPoints];
-  explicit ShapeFunctions(const LinePoint (&rule)[kPoints]) {
-    for (std::size_t k = 0; k < kPoints; ++k) {
-      const Hermite h(rule[k].xi, 1);
-      const double first[kParts] = {h.d[2], h.d[1], h.d[3]}, second[kParts] = {h.dd[2], h.dd[1], h.dd[3]};
-      std::copy_n(first, kParts, d[k]);
-      std::copy_n(second, kParts, dd[k]);
-      weight[k] = 0.5 * rule[k].weight;
-    }
-  }
-};
-const ShapeFunctions<5> kAxialShapes(kGauss5);
-const ShapeFunctions<3> kBendingShapes(kGauss3);
+/// sum c_k v_k
+V3 sum_of(const double (&c)[kParts], const V3 (&v)[kParts]) { return c[0] * v[0] + c[1] * v[1] + c[2] * v[2]; }
 
-/// Chord and slopes, and what belongs to them: forces, and blocks of the tangent by pairs.
-struct Terms {
-  V3 at[kParts], rate[kParts], force[kParts];
-  M3 tangent[kParts][kParts];  // [column][row]
-  double energy = 0;
-
-  /// sum c_k at_k
-  ESPALIER_INLINE static V3 sum(const double (&c)[kParts], const V3 (&v)[kParts]) {
-    return c[0] * v[0] + c[1] * v[1] + c[2] * v[2];
-  }
-};
-
-/// How the tangent is wanted, times the stiffness and the weight of a point (see ElementInput).
-struct Weights {
-  double stiffness, elastic, viscous, damping;
-  Weights(double d, const ElementInput& in)
-      : stiffness(d),
-        elastic(in.position_weight),
-        viscous(d * (in.position_weight + in.damping * in.velocity_weight)),
-        damping(in.velocity == nullptr ? 0 : in.damping) {}
-};
-
-/// eps = |r'| - 1: eps' = t = r' / |r'|, eps'' = (I - t t^T) / |r'|.
-template <bool kTangent>
-ESPALIER_INLINE bool add_axial(const double (&c)[kParts], const Weights& w, Terms& parts) {
-  const V3 slope = Terms::sum(c, parts.at);
-  const double length = std::sqrt(dot(slope, slope));
-  if (!(length > 0)) return false;
-  const V3 t = (1 / length) * slope;
-  const double strain = length - 1;
-  V3 rate;
-  if (w.damping != 0) rate = Terms::sum(c, parts.rate);
-  const double along = dot(t, rate), stress = w.stiffness * (strain + w.damping * along);
-  parts.energy += 0.5 * w.stiffness * strain * strain;
-  for (int a = 0; a < kParts; ++a) parts.force[a] = parts.force[a] + (c[a] * stress) * t;
-  if constexpr (kTangent) {
-    const double across = w.elastic * stress / length;
-    M3 h;
-    h.add_outer(w.viscous - across, t, t);
-    h.add_identity(across);
-    if (w.damping != 0) h.add_outer(w.elastic * w.stiffness * w.damping / length, t, rate - along * t);
-    for (int b = 0; b < kParts; ++b)
-      for (int a = 0; a < kParts; ++a) parts.tangent[b][a].add(c[a] * c[b], h);
-  }
-  return true;
-}
-
-/// kappa = q a x b with a = r', b = r'', q = 1 / |a|^2.
-struct Curvature {
-  V3 a, b, kappa, rate_a, rate_b, rate;
-  double q = 0;
-
-  /// kappa' by a and by b, applied to v: q v x b - 2 q (a . v) kappa and q a x v.
-  ESPALIER_INLINE V3 change(const V3& va, const V3& vb) const {
-    return q * (cross(va, b) + cross(a, vb)) - (2 * q * dot(a, va)) * kappa;
-  }
-  ESPALIER_INLINE void derivative(M3 (&k)[2]) const {
-    k[0].add_cross(-q, b);
-    k[0].add_outer(-2 * q, kappa, a);
-    k[1].add_cross(q, a);
-  }
-  /// Derivatives of change(rate_a, rate_b) by a and b.
-  ESPALIER_INLINE void rate_derivative(const M3 (&k)[2], M3 (&c)[2]) const {
-    const double along = dot(a, rate_a);
-    c[0].add_outer(-2 * q * q, cross(rate_a, b) + cross(a, rate_b), a);
-    c[0].add_cross(-q, rate_b);
-    c[0].add_outer(-2 * q, kappa, rate_a);
-    c[0].add_outer(4 * q * q * along, kappa, a);
-    c[0].add(-2 * q * along, k[0]);
-    c[1].add_cross(q, rate_a);
-    c[1].add(-2 * q * along, k[1]);
-  }
-  /// Second derivatives of m . kappa for a moment m held constant, times s; `ga`, `gb` are its first ones.
-  ESPALIER_INLINE void add_second(double s, const V3& m, const V3& ga, const V3& gb, M3 (&h)[2][2]) const {
-    const double work = dot(m, kappa);
-    h[0][0].add_outer(-2 * s * q * q, cross(b, m), a);
-    h[0][0].add_outer(4 * s * q * q * work, a, a);
-    h[0][0].add_outer(-2 * s * q, a, ga);
-    h[0][0].add_identity(-2 * s * q * work);
-    h[1][0].add_cross(-s * q, m);
-    h[1][0].add_outer(-2 * s * q, a, gb);
-    h[0][1].add_cross(s * q, m);
-    h[0][1].add_outer(-2 * s * q, gb, a);
-  }
-};
-
-/// h[column][row] by a and b: kappa'^T (viscous kappa' + damping (kappa'' rate)) + elastic (m . kappa)''.
-ESPALIER_INLINE void bending_tangent(const Curvature& c, const Weights& w, const V3& moment, const V3& ga, const V3& gb,
-                                     M3 (&h)[2][2]) {
-  M3 k[2], right[2];
-  c.derivative(k);
-  if (w.damping != 0) {
-    M3 rate[2];
-    c.rate_derivative(k, rate);
-    for (int y = 0; y < 2; ++y) right[y].add(w.elastic * w.stiffness * w.damping, rate[y]);
-  }
-  for (int y = 0; y < 2; ++y) {
-    right[y].add(w.viscous, k[y]);
-    for (int x = 0; x < 2; ++x) h[y][x].add_transposed_product(k[x], right[y]);
-  }
-  c.add_second(w.elastic, moment, ga, gb, h);
-}
-
-template <bool kTangent>
-ESPALIER_INLINE bool add_bending(const double (&d)[kParts], const double (&dd)[kParts], const Weights& w,
-                                 Terms& parts) {
-  Curvature c;
-  c.a = Terms::sum(d, parts.at);
-  c.b = Terms::sum(dd, parts.at);
-  const double square = dot(c.a, c.a);
-  if (!(square > 0)) return false;
-  c.q = 1 / square;
-  c.kappa = c.q * cross(c.a, c.b);
-  if (w.damping != 0) {
-    c.rate_a = Terms::sum(d, parts.rate);
-    c.rate_b = Terms::sum(dd, parts.rate);
-    c.rate = c.change(c.rate_a, c.rate_b);
-  }
-  const V3 moment = w.stiffness * (c.kappa + w.damping * c.rate);
-  parts.energy += 0.5 * w.stiffness * dot(c.kappa, c.kappa);
-  // kappa'^T m
-  const V3 ga = c.q * cross(c.b, moment) - (2 * c.q * dot(moment, c.kappa)) * c.a, gb = c.q * cross(moment, c.a);
-  for (int k = 0; k < kParts; ++k) parts.force[k] = parts.force[k] + d[k] * ga + dd[k] * gb;
-  if constexpr (kTangent) {
-    M3 h[2][2];
-    bending_tangent(c, w, moment, ga, gb, h);
-    for (int col = 0; col < kParts; ++col) {
-      M3 column[2];  // H times the column's share in a and b
-      for (int x = 0; x < 2; ++x) {
-        column[x].add(d[col], h[0][x]);
-        column[x].add(dd[col], h[1][x]);
-      }
-      for (int row = 0; row < kParts; ++row) {
-        parts.tangent[col][row].add(d[row], column[0]);
-        parts.tangent[col][row].add(dd[row], column[1]);
-      }
-    }
-  }
-  return true;
-}
-
-ESPALIER_INLINE void read_parts(const double* x, V3 (&v)[kParts]) {
+void read_parts(const double* x, V3 (&v)[kParts]) {
   for (int i = 0; i < 3; ++i) {
     v[0].x[i] = x[6 + i] - x[i];
     v[1].x[i] = x[3 + i];
@@ -179,65 +23,17 @@ ESPALIER_INLINE void read_parts(const double* x, V3 (&v)[kParts]) {
   }
 }
 
-/// The share of vertex a in a part: r1, r1_x, r2, r2_x.
-constexpr int kPartOf[kVertices] = {0, 1, 0, 2};
-constexpr double kSign[kVertices] = {-1, 1, 1, 1};
-
-template <bool kTangent>
-ESPALIER_INLINE bool evaluate(const CableSection& section, double length, const ElementInput& in, ElementOutput& out) {
-  Terms parts;
-  read_parts(in.position, parts.at);
-  if (in.velocity != nullptr) read_parts(in.velocity, parts.rate);
-  const double per[kParts] = {1 / length, 1, 1};  // of first derivatives; second ones: once more 1 / length
-  double d[kParts], dd[kParts];
-  for (std::size_t k = 0; k < 5; ++k) {
-    for (int p = 0; p < kParts; ++p) d[p] = per[p] * kAxialShapes.d[k][p];
-    if (!add_axial<kTangent>(d, Weights(length * kAxialShapes.weight[k] * section.axial, in), parts)) return false;
-  }
-  for (std::size_t k = 0; k < 3; ++k) {
-    for (int p = 0; p < kParts; ++p) {
-      d[p] = per[p] * kBendingShapes.d[k][p];
-      dd[p] = per[p] * kBendingShapes.dd[k][p] / length;
-    }
-    const Weights weights(length * kBendingShapes.weight[k] * section.bending, in);
-    if (!add_bending<kTangent>(d, dd, weights, parts)) return false;
-  }
-  out.energy = parts.energy;
-  for (int a = 0; a < kVertices; ++a)
-    for (int i = 0; i < 3; ++i) out.force[3 * a + i] = kSign[a] * parts.force[kPartOf[a]].x[i];
-  if constexpr (kTangent)
-    for (int b = 0; b < kVertices; ++b)
-      for (int j = 0; j < 3; ++j)
-        for (int a = 0; a < kVertices; ++a)
-          for (int i = 0; i < 3; ++i)
-            out.tangent[(3 * b + j) * kCableDofs + 3 * a + i] =
-                kSign[a] * kSign[b] * parts.tangent[kPartOf[b]][kPartOf[a]].m[j][i];
-  return true;
-}
-
-ESPALIER_CLONES bool evaluate_force(const CableSection& s, double length, const ElementInput& in, ElementOutput& out) {
-  return evaluate<false>(s, length, in, out);
-}
-ESPALIER_CLONES bool evaluate_tangent(const CableSection& s, double length, const ElementInput& in,
-                                      ElementOutput& out) {
-  return evaluate<true>(s, length, in, out);
-}
-
 }  // namespace
 
-bool evaluate_cable(const CableSection& section, double length, const ElementInput& in, ElementOutput& out) {
-  return out.tangent == nullptr ? evaluate_force(section, length, in, out) : evaluate_tangent(section, length, in, out);
-}
-
 bool sample_cable(const CableSection& section, double length, const double* position, ElementSamples& out) {
-  Terms parts;
-  read_parts(position, parts.at);
+  V3 parts[kParts];
+  read_parts(position, parts);
   double mean[4] = {}, slope[4] = {};  // of N and the moment
   const auto add = [&](int i, const LinePoint& at, double value) {
     mean[i] += 0.5 * at.weight * value;
     slope[i] += 1.5 * at.weight * at.xi * value;
   };
-  const auto slope_at = [&](const Hermite& h) { return Terms::sum({h.d[2], h.d[1], h.d[3]}, parts.at); };
+  const auto slope_at = [&](const Hermite& h) { return sum_of({h.d[2], h.d[1], h.d[3]}, parts); };
   for (const LinePoint& at : kGauss5) {
     const V3 tangent = slope_at(Hermite(at.xi, length));
     const double stretch = std::sqrt(dot(tangent, tangent));
@@ -246,7 +42,7 @@ bool sample_cable(const CableSection& section, double length, const double* posi
   }
   for (const LinePoint& at : kGauss3) {
     const Hermite h(at.xi, length);
-    const V3 a = slope_at(h), b = Terms::sum({h.dd[2], h.dd[1], h.dd[3]}, parts.at), turn = cross(a, b);
+    const V3 a = slope_at(h), b = sum_of({h.dd[2], h.dd[1], h.dd[3]}, parts), turn = cross(a, b);
     for (int i = 0; i < 3; ++i) add(1 + i, at, section.bending / dot(a, a) * turn.x[i]);
   }
   for (int p = 0; p < 3; ++p)

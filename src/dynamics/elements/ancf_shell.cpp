@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "dynamics/elements/hex8_strain.hpp"
+#include "dynamics/elements/lanes/ancf_shell_block.hpp"
 #include "dynamics/elements/solid.hpp"
 
 namespace espalier::dynamics {
@@ -21,43 +21,13 @@ void to_hexahedron(const double* shell, double half, double* hex) {
     }
 }
 
-/// The transposed map, for forces: f_r = f_bottom + f_top, f_d = half (f_top - f_bottom).
-void from_hexahedron(const double* hex, double half, double* shell) {
-  for (int a = 0; a < kNodes; ++a)
-    for (int i = 0; i < 3; ++i) {
-      const double bottom = hex[3 * a + i], top = hex[3 * (a + kNodes) + i];
-      shell[6 * a + i] = bottom + top;
-      shell[6 * a + 3 + i] = half * (top - bottom);
-    }
-}
-
 }  // namespace
 
 bool evaluate_shell(const Material& material, double thickness, const ElementInput& in, ElementOutput& out) {
-  const double half = 0.5 * thickness;
-  double reference[kShellDofs], position[kShellDofs], velocity[kShellDofs], force[kShellDofs],
-      tangent[kShellDofs * kShellDofs];
-  to_hexahedron(in.reference, half, reference);
-  to_hexahedron(in.position, half, position);
-  if (in.velocity != nullptr) to_hexahedron(in.velocity, half, velocity);
-  ElementInput hex = in;
-  hex.reference = reference;
-  hex.position = position;
-  hex.velocity = in.velocity == nullptr ? nullptr : velocity;
-  ElementOutput result{force, out.tangent == nullptr ? nullptr : tangent, 0};
-  if (!evaluate_hex8(Hex8Formulation::shell, material, hex, result)) return false;
-  out.energy = result.energy;
-  from_hexahedron(force, half, out.force);
-  if (out.tangent == nullptr) return true;
-  double rows[kShellDofs * kShellDofs];  // rows of the tangent in shell coordinates, columns in those of the hexahedron
-  for (int col = 0; col < kShellDofs; ++col) from_hexahedron(tangent + col * kShellDofs, half, rows + col * kShellDofs);
-  for (int row = 0; row < kShellDofs; ++row) {
-    double line[kShellDofs], turned[kShellDofs];
-    for (int col = 0; col < kShellDofs; ++col) line[col] = rows[col * kShellDofs + row];
-    from_hexahedron(line, half, turned);
-    for (int col = 0; col < kShellDofs; ++col) out.tangent[col * kShellDofs + row] = turned[col];
-  }
-  return true;
+  const ShellLaw law{law_of(Hex8Formulation::shell, material), thickness};
+  return evaluate_one(2 * kNodes, in, out, [&](const BlockInput& state, const BlockOutput& result) {
+    return scalar_shell_kernel().evaluate(law, state, result);
+  });
 }
 
 void shell_to_hexahedron(const double* shell, double thickness, double* hex) {

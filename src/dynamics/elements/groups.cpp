@@ -29,13 +29,11 @@ class SolidGroup final : public ElementGroup {
       solid_ = vector_solid_kernels();
     else
       hex8_ = vector_hex8_kernel();
-    const bool neo_hookean = material.law == SolidLaw::neo_hookean;
-    const double lambda = material.lambda(), mu = material.mu();
-    hexahedra_ = {options.hex8, lambda, mu, neo_hookean};
+    hexahedra_ = law_of(options.hex8, material);
     if (assumed_strain_)
       law_.of_kind = hexahedra_;
     else
-      law_.of_kind = SolidElements{type, rule(), {neo_hookean, lambda, mu}};
+      law_.of_kind = SolidElements{type, rule(), {hexahedra_.neo_hookean, hexahedra_.lambda, hexahedra_.mu}};
   }
   void add(std::span<const Index> nodes, std::int64_t label) {
     connectivity_.insert(connectivity_.end(), nodes.begin(), nodes.end());
@@ -198,8 +196,7 @@ class ShellGroup final : public VertexGroup<8> {
       }
       vertices_.push_back(vertices);
     }
-    shells_ = {{Hex8Formulation::shell, material.lambda(), material.mu(), material.law == SolidLaw::neo_hookean},
-               thickness};
+    shells_ = {law_of(Hex8Formulation::shell, material), thickness};
     law_.of_kind = shells_;
   }
   [[nodiscard]] bool evaluate(Index, const ElementInput& in, ElementOutput& out) const override {

@@ -1,12 +1,13 @@
-// ANCF elements side by side. Truth: evaluate_shell() and evaluate_cable(), second implementations, element by element.
+// ANCF elements side by side. Truth: oracle::evaluate_shell() and oracle::evaluate_cable(), second implementations,
+// element by element.
 #include <fmt/format.h>
 
 #include <limits>
 
-#include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/elements_common.hpp"
 #include "dynamics/elements/lanes/ancf_cable_block.hpp"
 #include "dynamics/elements/lanes/ancf_shell_block.hpp"
+#include "dynamics/elements/oracles.hpp"
 
 namespace espalier::dynamics::test {
 namespace ancf_block_test {
@@ -46,7 +47,7 @@ Kind shell(const std::string& lanes, const ShellKernel& kernel, SolidLaw law) {
   return {fmt::format("shell_{}_{}", neo_hookean ? "neo_hookean" : "svk", lanes),
           kernel.width,
           [=](const BlockInput& in, const BlockOutput& out) { return kernel.evaluate(block, in, out); },
-          [=](const ElementInput& in, ElementOutput& out) { return evaluate_shell(material, 0.1, in, out); },
+          [=](const ElementInput& in, ElementOutput& out) { return oracle::evaluate_shell(material, 0.1, in, out); },
           shell_reference(),
           1e-12};  // tr E - ln J cancels
 }
@@ -57,7 +58,7 @@ Kind cable(const std::string& lanes, const CableKernel& kernel) {
   return {"cable_" + lanes,
           kernel.width,
           [=](const BlockInput& in, const BlockOutput& out) { return kernel.evaluate(block, in, out); },
-          [=](const ElementInput& in, ElementOutput& out) { return evaluate_cable(section, 1.3, in, out); },
+          [=](const ElementInput& in, ElementOutput& out) { return oracle::evaluate_cable(section, 1.3, in, out); },
           (Vector(12) << 0, 0, 0, 1, 0, 0, 1.3, 0, 0, 1, 0, 0).finished(),
           1e-13};
 }

@@ -1,8 +1,10 @@
-// Hexahedra side by side, in all formulations. Truth: evaluate_hex8(), a second implementation, element by element.
+// Hexahedra side by side, in all formulations. Truth: oracle::evaluate_hex8(), a second implementation, element by
+// element.
 #include <fmt/format.h>
 
 #include "dynamics/elements/elements_common.hpp"
 #include "dynamics/elements/lanes/hex8_block.hpp"
+#include "dynamics/elements/oracles.hpp"
 
 namespace espalier::dynamics::test {
 namespace elements_block_test {
@@ -91,7 +93,7 @@ TEST_P(Hex8Block, EqualsOneElementAtATime) {
         const auto lane = static_cast<std::size_t>(l);
         double force[24], tangent[576];
         ElementOutput out{force, tangent, 0};
-        ASSERT_TRUE(evaluate_hex8(
+        ASSERT_TRUE(oracle::evaluate_hex8(
             form, material(),
             {b.reference[lane].data(), b.position[lane].data(), s.moving ? b.velocity[lane].data() : nullptr, s.damping,
              s.position_weight, s.velocity_weight},
@@ -120,6 +122,18 @@ TEST_P(Hex8Block, OneElementInsideOutLeavesTheOthers) {
           ASSERT_EQ(r.tangent[k], good.tangent[k]);
         }
     }
+}
+
+// Truth: oracle::sample_hex8(), which makes the strains with rows of its own.
+TEST_P(Hex8Block, SamplesAreTheStrainsOfTheSecondImplementation) {
+  const Block b(1);
+  for (const Hex8Formulation form : kForms) {
+    ElementSamples strains, truth;
+    ASSERT_TRUE(sample_hex8(form, material(), b.reference[0].data(), b.position[0].data(), strains));
+    ASSERT_TRUE(oracle::sample_hex8(form, material(), b.reference[0].data(), b.position[0].data(), truth));
+    for (int q = 0; q < 8; ++q)
+      for (int m = 0; m < 6; ++m) EXPECT_NEAR(strains.value[q][m], truth.value[q][m], 1e-13);
+  }
 }
 
 TEST_P(Hex8Block, NotANumberIsNotWhole) {

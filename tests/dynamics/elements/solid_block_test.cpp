@@ -1,10 +1,10 @@
-// Displacement-based solids side by side. Truth: evaluate_solid(), a second implementation, element by element.
+// Displacement-based solids side by side. Truth: oracle::evaluate_solid(), a second implementation, element by element.
 #include "dynamics/elements/lanes/solid_block.hpp"
 
 #include <fmt/format.h>
 
 #include "dynamics/elements/elements_common.hpp"
-#include "dynamics/elements/solid.hpp"
+#include "dynamics/elements/oracles.hpp"
 
 namespace espalier::dynamics::test {
 namespace solid_block_test {
@@ -84,10 +84,11 @@ TEST_P(SolidBlock, EqualsOneElementAtATime) {
         const BlockResult r = evaluate(kernels(), type, rule, material(), b, s);
         EXPECT_EQ(r.whole, (1U << b.width) - 1);
         for (std::size_t l = 0; l < b.width; ++l) {
-          const Result truth = run([&](const ElementInput& in,
-                                       ElementOutput& out) { return evaluate_solid(type, rule, material(), in, out); },
-                                   b.reference[l], b.position[l], s.moving ? b.velocity[l] : Vector(), s.damping,
-                                   s.position_weight, s.velocity_weight);
+          const Result truth =
+              run([&](const ElementInput& in,
+                      ElementOutput& out) { return oracle::evaluate_solid(type, rule, material(), in, out); },
+                  b.reference[l], b.position[l], s.moving ? b.velocity[l] : Vector(), s.damping, s.position_weight,
+                  s.velocity_weight);
           ASSERT_TRUE(truth.ok);
           EXPECT_LT(lane_difference(r.force, l, b.width, truth.force), 1e-13);
           EXPECT_LT(lane_difference(r.tangent, l, b.width, truth.tangent.reshaped()), 1e-13);

@@ -71,6 +71,13 @@ CableKernel scalar_cable_kernel() { return {1, &scalar::evaluate_cable_block<Sca
 
 HWY_EXPORT(make_cable_kernel);
 
+bool evaluate_cable(const CableSection& section, double length, const ElementInput& in, ElementOutput& out) {
+  const CableLaw law{section, length};
+  return evaluate_one(kCableVertices, in, out, [&](const BlockInput& state, const BlockOutput& result) {
+    return scalar_cable_kernel().evaluate(law, state, result);
+  });
+}
+
 CableKernel vector_cable_kernel() {
   static const CableKernel kernel = HWY_DYNAMIC_DISPATCH(make_cable_kernel)();
   return kernel;

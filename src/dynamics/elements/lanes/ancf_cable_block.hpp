@@ -1,6 +1,6 @@
 /// \file
 /// Cables of ancf_cable.hpp side by side. The formulas stand once for a lane type (ancf_cable_block-inl.hpp);
-/// evaluate_cable() is the second implementation that tests compare with.
+/// evaluate_cable() is that of one lane.
 #pragma once
 
 #include "dynamics/elements/ancf_cable.hpp"

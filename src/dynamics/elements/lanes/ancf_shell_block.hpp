@@ -1,6 +1,6 @@
 /// \file
 /// Shells of ancf_shell.hpp side by side: the hexahedra of hex8_strain_block-inl.hpp, mapped there and back in
-/// ancf_shell_block-inl.hpp. evaluate_shell() is the second implementation that tests compare with.
+/// ancf_shell_block-inl.hpp. evaluate_shell() is that of one lane.
 #pragma once
 
 #include "dynamics/elements/lanes/hex8_block.hpp"

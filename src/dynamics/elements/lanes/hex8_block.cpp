@@ -97,6 +97,21 @@ Hex8Kernel scalar_hex8_kernel() { return {1, &scalar::evaluate_hexahedra<ScalarL
 
 ShellKernel scalar_shell_kernel() { return {1, &scalar::evaluate_shell_block<ScalarLane>}; }
 
+bool evaluate_hex8(Hex8Formulation formulation, const Material& material, const ElementInput& in, ElementOutput& out) {
+  return evaluate_one(hex8::kNodes, in, out, [&](const BlockInput& state, const BlockOutput& result) {
+    return scalar::evaluate_hexahedra<ScalarLane>(law_of(formulation, material), state, result);
+  });
+}
+
+bool sample_hex8(Hex8Formulation formulation, const Material& material, const double* reference, const double* position,
+                 ElementSamples& out) {
+  ScalarLane strain[hex8::kPoints][6];
+  if (!scalar::sample_strains(law_of(formulation, material), {reference, position, nullptr}, strain)) return false;
+  for (int q = 0; q < hex8::kPoints; ++q)
+    for (int m = 0; m < 6; ++m) strain[q][m].store(&out.value[q][m]);
+  return true;
+}
+
 HWY_EXPORT(make_hex8_kernel);
 HWY_EXPORT(make_shell_kernel);
 

@@ -1,7 +1,7 @@
 /// \file
 /// Eight-node hexahedra of hex8_strain.hpp side by side, several elements in the lanes of one vector. The formulas
 /// stand once for a lane type: hex8_block-inl.hpp for St. Venant-Kirchhoff solids, hex8_strain_block-inl.hpp for shells
-/// and for neo-Hookean ones. evaluate_hex8() is the second implementation that tests compare with.
+/// and for neo-Hookean ones. evaluate_hex8() is that of one lane.
 #pragma once
 
 #include "dynamics/elements/hex8_strain.hpp"
@@ -18,6 +18,10 @@ struct Hex8Law {
   /// Its formulas are those of hex8_strain_block-inl.hpp.
   [[nodiscard]] bool by_strains() const { return neo_hookean || formulation == Hex8Formulation::shell; }
 };
+
+[[nodiscard]] inline Hex8Law law_of(Hex8Formulation formulation, const Material& material) {
+  return {formulation, material.lambda(), material.mu(), material.law == SolidLaw::neo_hookean};
+}
 
 using Hex8Kernel = LaneKernel<Hex8Law>;
 

@@ -1,5 +1,5 @@
 /// \file
-/// The formulas of hex8_strain.cpp for a lane type T, second half: forces and tangents of all formulations and laws,
+/// The formulas of hex8_strain.hpp for a lane type T, second half: forces and tangents of all formulations and laws,
 /// for what hex8_block-inl.hpp does not cover (shells, and laws that are not linear in the Green-Lagrange strain).
 ///
 /// Rows of B need no transformation, since strains are covariant: that of component pr is scale (dN_p g_r + dN_r g_p),
@@ -342,6 +342,18 @@ ESPALIER_ANYWHERE unsigned evaluate_strain_block(const Hex8Law& law, const Block
       evaluate_strains(law, Assumed(law.formulation, tables()), in, w, force, out.energy, out.tangent);
   for (int d = 0; d < kDofs; ++d) force[d].store(out.force + d * T::kWidth);
   return T::bits(good);
+}
+
+/// The strains that the element assumes, for equilibrium of its enhanced parameters.
+template <class T>
+ESPALIER_ANYWHERE typename T::Mask sample_strains(const Hex8Law& law, const BlockInput& in, T (&strain)[kQ][6]) {
+  const Assumed assumed(law.formulation, tables());
+  StrainWork<T> w;
+  load_strain_state(in, w);
+  typename T::Mask good = prepare_strains(assumed, w);
+  good = mask_and(good, solve_alpha(law, !law.neo_hookean, false, assumed, w));
+  for (int q = 0; q < kQ; ++q) enhanced_strain(assumed, q, w, strain[q]);
+  return good;
 }
 
 template <class T>

@@ -1,5 +1,5 @@
 /// \file
-/// The formulas of hex8_strain.cpp for a lane type T, first half: strains at the points of all formulations, the laws
+/// The formulas of hex8_strain.hpp for a lane type T, first half: strains at the points of all formulations, the laws
 /// there, and the modes that enhance strains. For hex8_strain_block-inl.hpp, which is included after it; both after
 /// hex8_block-inl.hpp, in the same places.
 ///
@@ -236,6 +236,20 @@ ESPALIER_APART void add_mode_stiffness(const Assumed& assumed, int q, T weight, 
   }
 }
 
+/// The strain of point q with what alpha adds to it.
+template <class T>
+ESPALIER_ANYWHERE void enhanced_strain(const Assumed& assumed, int q, const StrainWork<T>& w, T (&strain)[6]) {
+  const StrainPoint<T>& p = w.point[q];
+  T combined[6], enhanced[6];
+  for (T& value : combined) value = T(0.0);
+  for (int k = 0; k < assumed.modes; ++k) {
+    const int c = assumed.component(k);
+    combined[c] = mul_add(T(assumed.value(k, q)) * p.scale, w.alpha[k], combined[c]);
+  }
+  times(w.t0, combined, false, enhanced);
+  for (int m = 0; m < 6; ++m) strain[m] = p.strain[m] + enhanced[m];
+}
+
 /// The law at the strains enhanced by alpha; sum M^T S, and, where wanted, D = sum M^T C M with its factor.
 template <class T>
 ESPALIER_APART typename T::Mask respond_strains(const Hex8Law& law, bool linear, const Assumed& assumed, bool stiffness,
@@ -247,14 +261,8 @@ ESPALIER_APART typename T::Mask respond_strains(const Hex8Law& law, bool linear,
   ESPALIER_ROLLED
   for (int q = 0; q < kQ; ++q) {
     StrainPoint<T>& p = w.point[q];
-    T combined[6], enhanced[6], strain[6];
-    for (T& value : combined) value = T(0.0);
-    for (int k = 0; k < assumed.modes; ++k) {
-      const int c = assumed.component(k);
-      combined[c] = mul_add(T(assumed.value(k, q)) * p.scale, w.alpha[k], combined[c]);
-    }
-    times(w.t0, combined, false, enhanced);
-    for (int m = 0; m < 6; ++m) strain[m] = p.strain[m] + enhanced[m];
+    T strain[6];
+    enhanced_strain(assumed, q, w, strain);
     if (linear)
       linear_law(law, strain, p);
     else
@@ -270,7 +278,8 @@ ESPALIER_APART typename T::Mask respond_strains(const Hex8Law& law, bool linear,
   return stiffness ? factor_modes(good, w.modes) : good;
 }
 
-/// Solves sum M^T S(E + M alpha) = 0, as solve_modes() of hex8_strain.cpp, each lane until it has converged itself.
+/// Solves sum M^T S(E + M alpha) = 0, each lane until it has converged itself: its residual no longer falls
+/// below round-off of the stress.
 /// @param known  D and its factor are those of this law already; only where it is linear
 template <class T>
 ESPALIER_APART typename T::Mask solve_alpha(const Hex8Law& law, bool linear, bool known, const Assumed& assumed,

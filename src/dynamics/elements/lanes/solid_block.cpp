@@ -6,6 +6,7 @@
 
 #include "base/vector_targets.hpp"
 #include "dynamics/elements/anywhere.hpp"
+#include "dynamics/elements/lanes/lane_kernel.hpp"
 #include "dynamics/elements/lanes/lane_scalar.hpp"
 #include "dynamics/elements/solid.hpp"
 
@@ -67,6 +68,12 @@ unsigned evaluate_solid_block(const SolidKernels& kernels, ElementType type, Rul
     default:
       throw std::invalid_argument(fmt::format("evaluate_solid_block: {} is no simulated solid", shape_of(type).name));
   }
+}
+
+bool evaluate_solid(ElementType type, Rule rule, const Material& material, const ElementInput& in, ElementOutput& out) {
+  return evaluate_one(shape_of(type).nodes, in, out, [&](const BlockInput& state, const BlockOutput& result) {
+    return evaluate_solid_block(scalar_solid_kernels(), type, rule, material, state, result);
+  });
 }
 
 }  // namespace espalier::dynamics

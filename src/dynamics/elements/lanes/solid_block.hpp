@@ -1,6 +1,6 @@
 /// \file
 /// Displacement-based solids (solid.hpp) side by side: several elements in the lanes of one vector. The formulas stand
-/// once (solid_block-inl.hpp) for a lane type; evaluate_solid() is the second implementation that tests compare with.
+/// once (solid_block-inl.hpp) for a lane type; evaluate_solid() is that of one lane.
 #pragma once
 
 #include "dynamics/elements/element.hpp"

@@ -1,17 +1,45 @@
-#include "dynamics/elements/hex8_strain.hpp"
+// One eight-node hexahedron with assumed or enhanced strains, with rows of B: the second implementation that
+// elements_block_test.cpp compares with.
+#include "dynamics/elements/oracle_hex8.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "dynamics/elements/hex8_kinematics.hpp"
-#include "dynamics/elements/small_cholesky.hpp"
-#include "dynamics/elements/strain_material.hpp"
+#include "dynamics/elements/oracles.hpp"
 
-namespace espalier::dynamics {
+namespace espalier::dynamics::oracle {
 namespace {
 
-using namespace hex8;  // NOLINT(google-build-using-namespace): the other half of this file
+/// A = L L^T of the symmetric n x n matrix a (row i, column j at a[i * n + j]; the lower triangle is read and
+/// overwritten by L). @return false when A is not positive definite
+inline bool cholesky_factor(double* a, int n) {
+  for (int j = 0; j < n; ++j) {
+    double d = a[j * n + j];
+    for (int k = 0; k < j; ++k) d -= a[j * n + k] * a[j * n + k];
+    if (!(d > 0)) return false;
+    d = std::sqrt(d);
+    a[j * n + j] = d;
+    for (int i = j + 1; i < n; ++i) {
+      double s = a[i * n + j];
+      for (int k = 0; k < j; ++k) s -= a[i * n + k] * a[j * n + k];
+      a[i * n + j] = s / d;
+    }
+  }
+  return true;
+}
+
+/// x = A^-1 x with the factor of cholesky_factor.
+inline void cholesky_solve(const double* l, int n, double* x) {
+  for (int i = 0; i < n; ++i) {
+    for (int k = 0; k < i; ++k) x[i] -= l[i * n + k] * x[k];
+    x[i] /= l[i * n + i];
+  }
+  for (int i = n - 1; i >= 0; --i) {
+    for (int k = i + 1; k < n; ++k) x[i] -= l[k * n + i] * x[k];
+    x[i] /= l[i * n + i];
+  }
+}
 
 /// Volumetric strain -> its mean: row m of B += (1/3) (mean - trace) for the three normal components.
 template <bool kRows>
@@ -257,8 +285,7 @@ ESPALIER_INLINE double strain_energy(const Element& e, const Response& r) {
   return energy;
 }
 
-ESPALIER_CLONES bool evaluate(Hex8Formulation formulation, const Material& material, const ElementInput& in,
-                              ElementOutput& out) {
+bool evaluate(Hex8Formulation formulation, const Material& material, const ElementInput& in, ElementOutput& out) {
   Element e;
   Response r;
   if (!prepare(formulation, in, e)) return false;
@@ -308,4 +335,4 @@ bool sample_hex8(Hex8Formulation formulation, const Material& material, const do
   return true;
 }
 
-}  // namespace espalier::dynamics
+}  // namespace espalier::dynamics::oracle
