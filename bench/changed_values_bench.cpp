@@ -2,7 +2,8 @@
 //   espalier_bench_changed_values [N [THREADS [REPEATS [KEY=VALUE ...]]]]      default: elasticity 28^3, all cores, 5
 // KEY=VALUE: options of both solvers: device=gpu:0, kind=ldlt, precision=fp32. system=gyroscopic: an unsymmetric matrix
 // in the place of elasticity.
-// Changed are the entries of one element at the surface, or all of a 64th or an eighth of the body, at a corner.
+// Changed are the entries of one element at the surface, all of a 64th or an eighth of the body, at a corner, or all:
+// what it costs then to have asked for parts.
 // Seconds are medians of calls that take turns, with all values and with the changed entries alone; the work is that of
 // the fronts that were made, over that of all. Both factors' solutions must be the same to the last bit; with budgets
 // (host_memory=200MiB scratch=/var/tmp, or device=host:1 device_memory=200MiB) trees are cut otherwise where fronts are
@@ -90,7 +91,7 @@ class Pair {
         static_cast<double>(partial_->analysis().predicted_bytes) /
             static_cast<double>(whole_->analysis().predicted_bytes),
         same ? "same bits" : "OTHER BITS");
-    print_disk(values, places);
+    print_traffic(values, places);
     if (!same) throw std::runtime_error("the solutions differ");
   }
 
@@ -108,19 +109,25 @@ class Pair {
     check(solver.solve(b, x).status);
     return x;
   }
-  // What goes to the disk, of both.
-  void print_disk(std::vector<double> values, const std::vector<Offset>& places) {
-    if (options_.scratch.empty()) return;
+  // What crosses the link by the plan, in a whole run, and what goes to the disk, of both.
+  void print_traffic(std::vector<double> values, const std::vector<Offset>& places) {
+    if (options_.scratch.empty() && options_.device_memory_bytes == 0) return;
     change(places, values);
     for (Solver* s : {whole_.get(), partial_.get()}) {
       const FactorResult f = s->refactorize(values);
       check(f.status);
       const AnalysisResult& a = s->analysis();
-      for (const DeviceReport& d : f.devices)
+      for (const DeviceReport& d : f.devices) {
+        const char* of = s == whole_.get() ? "whole" : "partial";
+        if (d.streamed_out_bytes > 0)
+          fmt::print("  {}, all: in {:.0f} MiB, out {:.0f} MiB, which takes the link {:.4f} s\n", of,
+                     mib(d.streamed_in_bytes), mib(d.streamed_out_bytes), d.link_seconds);
+        if (options_.scratch.empty()) continue;
         fmt::print(
             "  {}: file {:.0f} MiB, written {:.0f} MiB, read {:.0f} MiB; predicted for a whole one {:.0f}, {:.0f}\n",
-            s == whole_.get() ? "whole" : "partial", mib(a.predicted_disk_bytes), mib(d.disk_written_bytes),
-            mib(d.disk_read_bytes), mib(a.predicted_disk_written_bytes), mib(a.predicted_disk_read_bytes));
+            of, mib(a.predicted_disk_bytes), mib(d.disk_written_bytes), mib(d.disk_read_bytes),
+            mib(a.predicted_disk_written_bytes), mib(a.predicted_disk_read_bytes));
+      }
     }
   }
   static double mib(Offset bytes) { return static_cast<double>(bytes) / (1 << 20); }
@@ -178,6 +185,7 @@ int main(int argc, char** argv) {
         places_within(a, side,
                       [side](Index x, Index y, Index z) { return 2 * x < side && 2 * y < side && 2 * z < side; }),
         repeats);
+    pair.measure(name + "all of the body", places_within(a, side, [](Index, Index, Index) { return true; }), repeats);
   } catch (const std::exception& e) {
     fmt::print(stderr, "espalier_bench_changed_values: {}\n", e.what());
     return 1;

@@ -53,17 +53,19 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   }
   /// Forgets the last factorization. `values` is the caller's array, valid until finish().
   virtual void begin(std::span<const T> values) = 0;
-  // Runs that make some units again (PartialRun): backends of one device that PlanningRates::keep_contributions is for.
-  /// After a run of all fronts: those that other values, or the pivot rule that is set, do not leave as they are; not
-  /// 0: such a front. What stands above them is not marked. Empty: the backend does not tell.
+  // Runs that make some units again (PartialRun): backends that PlanningRates::keep_contributions is for.
+  /// After a run: the fronts that other values, or the pivot rule that is set, do not leave as they are; not 0: such a
+  /// front; of several devices those that this one has made a part of, and the first tells of values. What stands above
+  /// them is not marked. Empty: the backend does not tell, and all are to be made.
   /// @param before  the values of that run; compared bit by bit
   [[nodiscard]] virtual std::vector<char> changed_fronts(std::span<const T> /*values*/, std::span<const T> /*before*/) {
     return {};
   }
   /// The next begin() forgets nothing of these fronts. @param kept  fronts, not 0; empty: of none
   virtual void keep(std::span<const char> /*kept*/) {}
-  /// Copies to the arena, in the place of an operation of the run queue; done when it returns.
-  virtual void bring(Offset /*to*/, const std::byte* /*from*/, Offset /*bytes*/) {
+  /// Copies to the arena, in the place of an operation of a queue that computes; done when it returns. What is copied
+  /// lies within one block that is pinned, or may be.
+  virtual void bring(Queue /*queue*/, Offset /*to*/, const std::byte* /*from*/, Offset /*bytes*/) {
     throw std::logic_error("out of core: this backend makes all units");
   }
 
@@ -90,7 +92,7 @@ class OutOfCoreBackend : public OutOfCoreLayout {
   virtual std::span<const std::byte> tables(const Operation& op) = 0;
   /// Starts an operation of the run queue.
   virtual void run(const Operation& op) = 0;
-  /// Gets what store_outputs brought.
+  /// Gets what store_outputs brought. Empty: the unit is kept, and what it brought last holds; all come in one order.
   virtual void take_outputs(const Operation& op, std::span<const std::byte> bytes) = 0;
 
   /// Marks the end of operation `number` (from 1) of a queue; what `queue` is asked for later waits for it.

@@ -87,7 +87,7 @@ void DeviceRun<T>::run_all(base::Stage* stage, double share) {
       progress_.wait_asked(number_, q, n);
       backend_->wait_for_mark(op->queue, q, n);
     }
-    if (part_->makes(*op))
+    if (part_->makes(*op, number_))
       backend_->run(*op);
     else
       bring(*op);
@@ -115,17 +115,20 @@ void DeviceRun<T>::tell_disk(Queue queue, const Operation* op) {
 // In the place of an operation that is not made.
 template <class T>
 void DeviceRun<T>::bring(const Operation& op) {
-  for (const LeftContribution& left : part_->brought(op))
+  for (const LeftContribution& left : part_->brought(op, number_))
     for (std::size_t part = 0; part < left.at.size(); ++part) {
       if (left.store[part] < 0) continue;
       const auto copy = [&](const std::byte* from, Offset done, Offset bytes) {
-        backend_->bring(left.at[part] + done, from, bytes);
+        backend_->bring(op.queue, left.at[part] + done, from, bytes);
       };
-      if (disk_ != nullptr)
+      if (disk_ != nullptr) {
         disk_->each_piece(left.store[part] * static_cast<Offset>(sizeof(T)), left.part_bytes, DiskStore::Access::read,
                           copy);
-      else
-        copy(reinterpret_cast<const std::byte*>(store_ + left.store[part]), 0, left.part_bytes);
+        continue;
+      }
+      HostExtents from;
+      from.add(reinterpret_cast<std::byte*>(store_ + left.store[part]), left.part_bytes);
+      by_pinned_block(from, [&](const std::byte* host, Offset done, Offset bytes) { copy(host, done, bytes); });
     }
 }
 
@@ -169,7 +172,7 @@ void DeviceRun<T>::load_all() {
     wait_for_others(*op, idle);
     wait_for_runs(*op, idle);
     if (const std::int64_t n = waits_for(*op, Queue::out); n > 0) progress_.wait_done(number_, Queue::out, n);
-    if (part_->makes(*op)) load(*op, slot);
+    if (part_->makes(*op, number_)) load(*op, slot);
     backend_->mark(Queue::in, number);
     progress_.asked(number_, Queue::in, number);
   }
@@ -252,7 +255,7 @@ bool DeviceRun<T>::goes_directly(const HostExtents& extents) const {
   return extents.each([&](const std::byte* at, Offset, Offset bytes) { return pinned_->holds(at, bytes); });
 }
 
-// copy(host memory, bytes before it, bytes) for what lies within one pinned block.
+// copy(host memory, bytes before it, bytes) for what lies within one block, which is pinned or not.
 template <class T>
 template <class Copy>
 void DeviceRun<T>::by_pinned_block(const HostExtents& extents, Copy&& copy) const {
@@ -282,7 +285,7 @@ void DeviceRun<T>::store_all() {
       progress_.wait_asked(number_, Queue::in, n, receive_one);
       backend_->wait_for_mark(Queue::out, Queue::in, n);
     }
-    if (part_->makes(*op))
+    if (part_->makes(*op, number_))
       send(*op, number, slot);
     else
       on_the_way_.push_back({kNoSlot, op, number, 0, 0, true});  // what is before it has to arrive first
@@ -346,6 +349,7 @@ bool DeviceRun<T>::receive() {
   on_the_way_.pop_front();
   if (a.slot == kNoSlot) {
     backend_->wait_until(Queue::out, a.number);
+    if (a.op->type == OperationType::store_outputs) backend_->take_outputs(*a.op, {});
   } else {
     --slots_on_the_way_;
     backend_->wait_for_slot(a.slot);

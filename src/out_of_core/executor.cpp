@@ -94,11 +94,15 @@ class OutOfCoreExecutor final : public device::Executor<T> {
 
   device::FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
     if (!complete_ || !options_.rates.keep_contributions) return factorize(values);
-    OutOfCoreBackend<T>& only = *backends_.front();
-    const std::vector<char> changed = only.changed_fronts(values, before);
-    if (changed.empty()) return factorize(values);
-    const plan::Plan& plan = only.plan();
-    PartialRun part(plan, plans_.front(), changed);
+    const plan::Plan& plan = backends_.front()->plan();
+    std::vector<char> changed(static_cast<std::size_t>(plan.fronts()), 0);
+    for (OutOfCoreBackend<T>* backend : backends_) {
+      const std::vector<char> there = backend->changed_fronts(values, before);
+      if (there.empty()) return factorize(values);
+      std::transform(there.begin(), there.end(), changed.begin(), changed.begin(),
+                     [](char x, char y) { return static_cast<char>(x != 0 || y != 0); });
+    }
+    PartialRun part(plan, plans_, changed);
     const double kept = plan::share_of_work(plan, part.kept());
     device::FactorOutcome outcome = run(values, std::move(part));
     outcome.share = 1 - kept;

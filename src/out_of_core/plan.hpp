@@ -164,8 +164,8 @@ struct PlanningRates {
   double step = 0;       ///< bytes of an in-core step, of the budget; 0: whichever seems best
   double group = 0;      ///< bytes of a group of block columns, likewise
   double resident = -1;  ///< bytes of the factors that stay on the device, of the budget; negative: what seems best
-  /// One device: later runs shall make some units again (PartialRun). So all factors go to the store, and so do the
-  /// contributions between units, each to a place of its own.
+  /// Later runs shall make some units again (PartialRun). So all factors go to the store, and so do the contributions
+  /// between units, each to a place of its own.
   bool keep_contributions = false;
   // The rates of a solve: bytes of the factor in a second (docs/notebook/out_of_core.md, "Factors that stay").
   double host_solve = 55e9;      ///< read by the host's threads (16 of them: 35 to 60)

@@ -63,12 +63,14 @@ class Uses {
 std::vector<StoreUse> store_uses(const std::vector<OutOfCorePlan>& plans, const OutOfCoreLayout& layout, Index steps,
                                  const PartialRun& part) {
   Uses uses(layout);
-  for (const OutOfCorePlan& p : plans)
+  for (Index d = 0; d < static_cast<Index>(plans.size()); ++d) {
+    const OutOfCorePlan& p = plans[static_cast<std::size_t>(d)];
     for (const Operation& op : p.ops) {
       const Index step = step_of(p, &op, steps);
-      if (part.makes(op)) uses.add(op, step);
-      for (const LeftContribution& left : part.brought(op)) uses.add(left, step);
+      if (part.makes(op, d)) uses.add(op, step);
+      for (const LeftContribution& left : part.brought(op, d)) uses.add(left, step);
     }
+  }
   return uses.by_steps();
 }
 

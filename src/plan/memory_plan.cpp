@@ -141,9 +141,7 @@ class MemoryPlanner {
   }
 
   [[nodiscard]] bool backwards() const { return plan_.ownership.devices == 1; }
-  [[nodiscard]] bool keeps_contributions() const {
-    return plan_.options.keep_contributions && backwards() && numbered_ == nullptr;
-  }
+  [[nodiscard]] bool keeps_contributions() const { return plan_.options.keep_contributions; }
 
   // Among the factors, where nothing is ever taken over by others.
   void keep_contribution(Index f, Offset size) {

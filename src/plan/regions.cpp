@@ -80,4 +80,21 @@ ArraySizes array_sizes(const Plan& plan, const Regions& regions) {
   return sizes;
 }
 
+std::vector<Offset> elements_by_device(const Plan& plan) {
+  const Index devices = plan.ownership.devices;
+  if (devices == 1) return {plan.memory.size};
+  const Regions regions = name_regions(plan, true);
+  const ArraySizes sizes = array_sizes(plan);
+  Offset top = 0;
+  for (Index f = 0; f < plan.fronts(); ++f) {
+    if (regions.of[f] > 0) continue;
+    const bool two = plan.options.unsymmetric || (plan.options.ldlt && plan.whole[f] == 0);
+    top += sizes.factor[f] * (two ? 2 : 1) + sizes.contribution[f] * (plan.options.unsymmetric ? 2 : 1) / devices;
+  }
+  std::vector<Offset> elements(static_cast<std::size_t>(devices), top);
+  for (std::size_t r = 1; r < regions.device.size(); ++r)
+    elements[static_cast<std::size_t>(regions.device[r])] += plan.memory.device_size[r];
+  return elements;
+}
+
 }  // namespace espalier::plan

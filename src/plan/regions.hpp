@@ -31,4 +31,9 @@ ArraySizes array_sizes(const Plan& plan);
 /// With several devices: by regions, the top left out.
 ArraySizes array_sizes(const Plan& plan, const Regions& regions);
 
+/// Elements of factors and of what fronts leave for their parents, by device. Of the top each has a copy of all
+/// factors, and about an even part of the rest.
+/// @pre PlanOptions::arrays is given, and memory is planned; of several devices, by regions
+std::vector<Offset> elements_by_device(const Plan& plan);
+
 }  // namespace espalier::plan

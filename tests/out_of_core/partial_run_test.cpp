@@ -67,6 +67,7 @@ TEST_P(OutOfCorePartialRun, HasTheBitsOfAWholeOne) {
     for (const Offset window : {Offset{0}, 2 * least_window()}) {
       SCOPED_TRACE("budget " + std::to_string(budget) + ", window " + std::to_string(window));
       if (window > 0 && budget == floor_) continue;  // the other tests have it
+      pinned_bytes_ = window > 0 ? 0 : 2 * need_;    // more and more of the store is pinned, from the second run on
       auto partial = start_kept(budget, window), whole = start_kept(budget, 0);
       std::vector<double> values = a_.values;
       expect_whole(*partial, *whole, partial->factorize(values), values);
@@ -83,6 +84,40 @@ TEST_P(OutOfCorePartialRun, HasTheBitsOfAWholeOne) {
       EXPECT_EQ(none.share, 0);
       expect_whole(*partial, *whole, none, values);
     }
+  EXPECT_GT(some, 0);
+}
+
+// Of several devices, whose groups of a large front lie between each other's.
+TEST_P(OutOfCorePartialRun, OnSeveralDevicesHasTheBitsOfAWholeOne) {
+  int some = 0;
+  for (const int count : {2, 3}) {
+    std::vector<HostOutOfCoreOptions> options(static_cast<std::size_t>(count));
+    for (int d = 0; d < count; ++d) {
+      options[static_cast<std::size_t>(d)].device = d;
+      options[static_cast<std::size_t>(d)].devices = count;
+      options[static_cast<std::size_t>(d)].threads = 1 + d % 2;
+    }
+    const Offset least = floor_of(options);
+    for (const Offset window : {Offset{0}, 3 * least_window()}) {
+      SCOPED_TRACE(std::to_string(count) + " devices, window " + std::to_string(window));
+      std::vector<out_of_core::OutOfCoreDevice> devices;
+      for (int d = 0; d < count; ++d) devices.push_back({least + d * least / 3, 1.0 / (1 + d)});
+      if (window > 0) disk_ = {folder_.path(), window, 4 * kDiskBlock};
+      auto partial = start(devices, options);
+      disk_ = {};
+      auto whole = start(devices, options);
+      std::vector<double> values = a_.values;
+      expect_whole(*partial, *whole, partial->factorize(values), values);
+      for (int k = 0; k < (window > 0 ? 2 : 5) && !HasFailure(); ++k) {
+        const std::vector<double> next = changed(values);
+        const FactorOutcome p = partial->factorize_changed(next, values);
+        some += p.share > 0 && p.share < 1 ? 1 : 0;
+        EXPECT_EQ(p.share == 0, next == values);
+        values = next;
+        expect_whole(*partial, *whole, p, values);
+      }
+    }
+  }
   EXPECT_GT(some, 0);
 }
 

@@ -33,7 +33,7 @@ void check_plan(const Graph& g, const PlanOptions& options, Storage storage, boo
   check_tasks(p);
   check_memory(p);
   // Nobody takes over a place, so that a front may be kept while others are made again.
-  EXPECT_TRUE(!options.keep_contributions || options.devices > 1 || p.memory.wait_fronts.empty());
+  EXPECT_TRUE(!options.keep_contributions || p.memory.wait_fronts.empty());
 }
 
 TEST(Plan, HoldsItsPromisesOverTreesTilesKindsAndOptions) {

@@ -98,4 +98,72 @@ void expect_bits_of_all(Options options, Options full_options, const Matrix& a, 
   }
 }
 
+/// What came of sequences in budgets.
+struct BudgetTally {
+  int some = 0, moved = 0, out_of_core = 0;
+};
+
+/// A solver that follows changes beside new ones with the same options, which make everything. Where pivots have moved
+/// the plan is another, since it knows what came before. Now and then a value is none.
+template <class AnySolver, class Matrix>
+void follow_beside_new(const Options& options, const Matrix& a, unsigned seed, int rounds, BudgetTally& tally) {
+  using T = typename std::decay_t<decltype(a.values)>::value_type;
+  std::mt19937 random(seed);
+  AnySolver partial(options);
+  ASSERT_TRUE(partial.analyze(a).status.ok());
+  std::vector<T> now = a.values;
+  const std::vector<T> b(static_cast<std::size_t>(a.rows), T(1));
+  for (int round = 0; round < rounds; ++round) {
+    SCOPED_TRACE("round " + std::to_string(round));
+    if (round % 4 == 3) {
+      std::vector<T> bad = now;
+      bad[static_cast<std::size_t>(random()) % bad.size()] = std::numeric_limits<double>::quiet_NaN();
+      EXPECT_FALSE(partial.refactorize(bad).status.ok());
+    }
+    const auto p = partial.refactorize(now);
+    AnySolver fresh(options);
+    ASSERT_TRUE(fresh.analyze(a).status.ok());
+    const auto f = fresh.refactorize(now);
+    ASSERT_EQ(f.work_share, 1);
+    if (p.delayed > 0 || f.delayed > 0) {
+      ++tally.moved;
+      return;
+    }
+    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
+    EXPECT_TRUE(!p.status.ok() || p.whole_reason.empty()) << p.whole_reason;
+    EXPECT_EQ(p.inertia.negative, f.inertia.negative);
+    EXPECT_EQ(p.rank, f.rank);
+    EXPECT_EQ(p.perturbed, f.perturbed);
+    EXPECT_EQ(p.two_by_two, f.two_by_two);
+    EXPECT_EQ(p.determinant_log, f.determinant_log);
+    tally.some += p.work_share > 0 && p.work_share < 1 ? 1 : 0;
+    if (p.status.ok()) {
+      tally.out_of_core += !p.devices.empty() && p.devices.front().streamed_out_bytes > 0 ? 1 : 0;
+      for (const Transpose t : {Transpose::no, Transpose::yes}) {
+        std::vector<T> x(b.size()), y(b.size());
+        ASSERT_TRUE(partial.solve(b, x, 1, t).status.ok());
+        ASSERT_TRUE(fresh.solve(b, y, 1, t).status.ok());
+        ASSERT_TRUE(same_bits(x, y)) << "of share " << p.work_share;
+      }
+    }
+    change_values(now, a.values, random);
+  }
+}
+
+/// With imaginary parts off the diagonal, of a symmetric matrix on it as well.
+inline ComplexSparseMatrix turned(const SparseMatrix& real, Storage storage) {
+  ComplexSparseMatrix a;
+  a.rows = real.rows;
+  a.cols = real.cols;
+  a.col_ptr = real.col_ptr;
+  a.row_ind = real.row_ind;
+  a.storage = storage;
+  for (Index c = 0; c < a.cols; ++c)
+    for (auto q = static_cast<std::size_t>(a.col_ptr[c]); q < static_cast<std::size_t>(a.col_ptr[c + 1]); ++q) {
+      const double v = real.values[q];
+      a.values.emplace_back(v, storage == Storage::hermitian_lower && a.row_ind[q] == c ? 0.0 : 0.02 * v);
+    }
+  return a;
+}
+
 }  // namespace espalier::changed_values

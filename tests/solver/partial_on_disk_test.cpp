@@ -49,54 +49,8 @@ class PartialOnDisk : public ::testing::Test {
   std::string folder_;
 };
 
-struct OnDiskTally {
-  int some = 0, moved = 0, out_of_core = 0;
-};
-
-// A solver that follows changes beside new ones, which make everything. Where pivots have moved the plan is another,
-// since it knows what came before.
-template <class AnySolver, class Matrix>
-void follow(const Options& options, const Matrix& a, unsigned seed, int rounds, OnDiskTally& tally) {
-  using T = typename std::decay_t<decltype(a.values)>::value_type;
-  std::mt19937 random(seed);
-  AnySolver partial(options);
-  ASSERT_TRUE(partial.analyze(a).status.ok());
-  std::vector<T> now = a.values;
-  const std::vector<T> b(static_cast<std::size_t>(a.rows), T(1));
-  for (int round = 0; round < rounds; ++round) {
-    SCOPED_TRACE("round " + std::to_string(round));
-    const auto p = partial.refactorize(now);
-    AnySolver fresh(options);
-    ASSERT_TRUE(fresh.analyze(a).status.ok());
-    const auto f = fresh.refactorize(now);
-    ASSERT_EQ(f.work_share, 1);
-    if (p.delayed > 0 || f.delayed > 0) {
-      ++tally.moved;
-      return;
-    }
-    ASSERT_EQ(p.status.code, f.status.code) << p.status.message << " / " << f.status.message;
-    EXPECT_TRUE(!p.status.ok() || p.whole_reason.empty()) << p.whole_reason;
-    EXPECT_EQ(p.inertia.negative, f.inertia.negative);
-    EXPECT_EQ(p.rank, f.rank);
-    EXPECT_EQ(p.perturbed, f.perturbed);
-    EXPECT_EQ(p.two_by_two, f.two_by_two);
-    EXPECT_EQ(p.determinant_log, f.determinant_log);
-    tally.some += p.work_share > 0 && p.work_share < 1 ? 1 : 0;
-    if (p.status.ok()) {
-      tally.out_of_core += !p.devices.empty() && p.devices.front().streamed_out_bytes > 0 ? 1 : 0;
-      for (const Transpose t : {Transpose::no, Transpose::yes}) {
-        std::vector<T> x(b.size()), y(b.size());
-        ASSERT_TRUE(partial.solve(b, x, 1, t).status.ok());
-        ASSERT_TRUE(fresh.solve(b, y, 1, t).status.ok());
-        ASSERT_TRUE(same_bits(x, y)) << "of share " << p.work_share;
-      }
-    }
-    change_values(now, a.values, random);
-  }
-}
-
 TEST_F(PartialOnDisk, HasTheBitsOfAWholeOne) {
-  OnDiskTally tally;
+  BudgetTally tally;
   for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu})
     for (const Precision precision : {Precision::fp64, Precision::fp32, Precision::mixed})
       for (const bool disk : {false, true}) {
@@ -104,38 +58,22 @@ TEST_F(PartialOnDisk, HasTheBitsOfAWholeOne) {
         SCOPED_TRACE("kind " + std::to_string(static_cast<int>(kind)) + ", precision " +
                      std::to_string(static_cast<int>(precision)) + (disk ? ", disk" : ", memory"));
         const Options o = small<Solver>(kind, precision, disk, a);
-        follow<Solver>(o, a, 1 + static_cast<unsigned>(precision), 6, tally);
+        follow_beside_new<Solver>(o, a, 1 + static_cast<unsigned>(precision), 6, tally);
         if (HasFailure()) return;
       }
   EXPECT_GT(tally.some, 10);
   EXPECT_GT(tally.out_of_core, 50);
 }
 
-// With imaginary parts off the diagonal, of a symmetric matrix on it as well.
-ComplexSparseMatrix turned(const SparseMatrix& real, Storage storage) {
-  ComplexSparseMatrix a;
-  a.rows = real.rows;
-  a.cols = real.cols;
-  a.col_ptr = real.col_ptr;
-  a.row_ind = real.row_ind;
-  a.storage = storage;
-  for (Index c = 0; c < a.cols; ++c)
-    for (auto q = static_cast<std::size_t>(a.col_ptr[c]); q < static_cast<std::size_t>(a.col_ptr[c + 1]); ++q) {
-      const double v = real.values[q];
-      a.values.emplace_back(v, storage == Storage::hermitian_lower && a.row_ind[q] == c ? 0.0 : 0.02 * v);
-    }
-  return a;
-}
-
 TEST_F(PartialOnDisk, OfComplexSystemsToo) {
-  OnDiskTally tally;
+  BudgetTally tally;
   const SparseMatrix gyroscopic =
       matrix::generate(matrix::parse_generator(std::vector<std::string>{"gyroscopic", "6"}));
   for (const Storage storage : {Storage::symmetric_lower, Storage::hermitian_lower, Storage::general})
     for (const bool disk : {false, true}) {
       SCOPED_TRACE("storage " + std::to_string(static_cast<int>(storage)) + (disk ? ", disk" : ", memory"));
       const ComplexSparseMatrix a = turned(storage == Storage::general ? gyroscopic : elasticity(7), storage);
-      follow<ComplexSolver>(small<ComplexSolver>(Kind::automatic, Precision::fp64, disk, a), a, 3, 5, tally);
+      follow_beside_new<ComplexSolver>(small<ComplexSolver>(Kind::automatic, Precision::fp64, disk, a), a, 3, 5, tally);
       if (HasFailure()) return;
     }
   EXPECT_GT(tally.some, 3);

@@ -21,6 +21,7 @@ struct Variant {
   int threads = 2;
   bool report = false;
   Rescale rescale = Rescale::off;
+  const char* device = "cpu";
 };
 
 std::vector<Variant> variants() {
@@ -33,7 +34,11 @@ std::vector<Variant> variants() {
           {"lu", Kind::lu},
           {"lu in small tiles", Kind::lu, Precision::fp64, 8, 3},
           {"lu mixed", Kind::lu, Precision::mixed, 0, 1},
-          {"chosen", Kind::automatic}};
+          {"chosen", Kind::automatic},
+          {"llt on two devices", Kind::llt, Precision::fp64, 8, 2, false, Rescale::off, "host:2"},
+          {"ldlt on three devices", Kind::ldlt, Precision::fp64, 8, 4, false, Rescale::off, "host:3"},
+          {"ldlt in FP32 on two devices", Kind::ldlt, Precision::fp32, 0, 2, false, Rescale::off, "host:2"},
+          {"lu on two devices", Kind::lu, Precision::fp64, 8, 3, false, Rescale::on, "host:2"}};
 }
 
 std::vector<SparseMatrix> matrices(Kind kind, unsigned seed) {
@@ -46,8 +51,9 @@ std::vector<SparseMatrix> matrices(Kind kind, unsigned seed) {
 }
 
 TEST(PartialRefactorization, HasTheBitsOfAWholeOne) {
+  int some = 0;
   for (const Variant& v : variants())
-    for (unsigned seed = 1; seed <= 4; ++seed)
+    for (unsigned seed = 1; seed <= (std::string(v.device) == "cpu" ? 4U : 2U); ++seed)
       for (const SparseMatrix& a : matrices(v.kind, seed)) {
         SCOPED_TRACE(std::string(v.name) + ", n = " + std::to_string(a.rows) + ", seed " + std::to_string(seed));
         Options partial = bare(true), full = bare(false);
@@ -56,12 +62,16 @@ TEST(PartialRefactorization, HasTheBitsOfAWholeOne) {
           o->precision = v.precision;
           o->max_block_size = v.block;
           o->rescale = v.rescale;
+          o->device = v.device;
         }
         partial.threads = v.threads;
-        full.threads = 2;
-        expect_bits_of_all<Solver>(partial, full, a, seed, 25);
+        full.threads = std::string(v.device) == "cpu" ? 2 : 3;
+        Shares shares;
+        expect_bits_of_all<Solver>(partial, full, a, seed, 25, &shares);
         if (testing::Test::HasFailure()) return;
+        some += shares.some;
       }
+  EXPECT_GT(some, 800);
 }
 
 TEST(PartialRefactorization, OfComplexSystemsToo) {
@@ -97,13 +107,15 @@ TEST(PartialRefactorization, MakesWhatValuesReach) {
   EXPECT_EQ(other.factorize(a).work_share, 1) << "everything is made where nobody asks for less";
 }
 
-// Several devices, and a budget in which the factor does not fit.
+// On one device and several, in core and out of core; and where nothing is kept.
 TEST(PartialRefactorization, SaysWhereEverythingIsMade) {
   const SparseMatrix a = elasticity(9);
   for (const auto& [device, budget, why] : {std::tuple{"cpu", Offset{0}, ""},
-                                            {"host:2", Offset{0}, "several devices"},
+                                            {"reference", Offset{0}, "keeps no fronts"},
+                                            {"host:2", Offset{0}, ""},
                                             {"host:1,2", Offset{4'000'000}, ""},
-                                            {"host:2", Offset{2'000'000}, "several devices"}}) {
+                                            {"host:2", Offset{2'000'000}, ""},
+                                            {"host:3", Offset{1'500'000}, ""}}) {
     SCOPED_TRACE(std::string(device) + ", " + why);
     Options partial = bare(true), full = bare(false);
     for (Options* o : {&partial, &full}) {

@@ -79,7 +79,7 @@ class HostBackend final : public Backend {
     o.shared_top = wish.sharing.shared_top;
     o.interleave = static_cast<Index>(2 * wish.threads);
     o.reuse_distance = static_cast<Index>(16 * wish.threads);
-    o.keep_contributions = wish.keep_contributions && (wish.devices == 1 || wish.ranks > 1);
+    o.keep_contributions = wish.keep_contributions;
     if (wish.ranks > 1) share_among_ranks(o, wish);
     return o;
   }

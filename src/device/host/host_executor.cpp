@@ -89,7 +89,7 @@ class HostExecutor final : public Executor<T> {
 
   FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override {
     state_.kept.clear();  // for the values of then, which have not been factorized
-    if (has_made_some() && devices_ == 1) {
+    if (has_made_some()) {
       state_.kept = unchanged_fronts(state_, values, before, next_rule_, pool_, made_);
       std::fill(state_.begun.begin(), state_.begun.end(), 1);
     }

@@ -63,16 +63,36 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
   return plan;
 }
 
-// Where devices have memory of their own: whether what all fronts make (PlanOptions::keep_contributions) has place
-// there beside a tenth for tables and vectors.
-bool has_room_to_keep(const plan::Plan& plan, const DeviceChoice& device, const System& system,
-                      const Context& context) {
-  const device::Backend& backend = *device.backend;
-  if (!plan.options.keep_contributions || !backend.limits().own_memory) return true;
-  const Offset budget = budgets_of(device, context.options).front(), free = backend.free_bytes(device.numbers.front());
-  const Offset limit = budget > 0 ? std::min(budget, free) : free;
-  const Offset needed = backend.executor_bytes(plan, system.kind, context.precision(), context.pool.size());
-  return needed + needed / 10 <= limit;
+// Where devices have memory of their own: whether what the plan keeps has place there beside a tenth for tables and
+// vectors. The numbers of a pattern before give their memory away.
+bool has_room(const plan::Plan& plan, const DeviceChoice& device, const Context& context,
+              const plan::KeptEntries* kept) {
+  const auto size = static_cast<Offset>(context.precision() == Precision::fp64 ? sizeof(double) : sizeof(float));
+  const Offset held = kept != nullptr && kept->places ? kept->before.memory.size * size : 0;
+  const std::vector<Offset> elements = plan::elements_by_device(plan), budgets = budgets_of(device, context.options);
+  for (std::size_t d = 0; d < elements.size(); ++d) {
+    const Offset free = device.backend->free_bytes(device.numbers[d]) + held, needed = elements[d] * size;
+    if (needed + needed / 10 > (budgets[d] > 0 ? std::min(budgets[d], free) : free)) return false;
+  }
+  return true;
+}
+
+// Where all fits on a device without what fronts leave for their parents (PlanOptions::keep_contributions), and not
+// with it, that is not kept. What does not fit either way goes out of core, which stores it.
+void keep_where_it_fits(plan::Plan& plan, const DeviceChoice& device, const Context& context,
+                        const plan::KeptEntries* kept) {
+  if (!plan.options.keep_contributions || plan.options.arrays == nullptr) return;
+  if (has_room(plan, device, context, kept)) return;
+  plan::MemoryPlan keeping = plan.memory;
+  plan.options.keep_contributions = false;
+  const plan::ArraySizes sizes = plan::array_sizes(plan, plan::name_regions(plan, true));
+  plan::plan_memory(plan, &sizes, context.pool.size());
+  if (has_room(plan, device, context, kept)) {
+    context.log("a device has no memory for what all fronts make: factorizations make everything");
+    return;
+  }
+  plan.options.keep_contributions = true;
+  plan.memory = std::move(keeping);
 }
 
 }  // namespace
@@ -94,7 +114,10 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
-  if (changes.device.one_a_rank) wish.ranks = 1, wish.rank = 0;  // as in one process with all of them
+  if (changes.device.one_a_rank) {  // as in one process with all of them, which make everything
+    wish.ranks = 1, wish.rank = 0;
+    wish.keep_contributions = false;
+  }
   wish.unequal = changes.device.unequal;
   wish.speed = changes.device.speed;
   Analysis made;
@@ -103,12 +126,7 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   made.plan = tree.border > 0 ? bordered_plan(std::move(tree), *system, options, context.pool)
                               : plan::make_plan(std::move(tree), system->factored_pattern(),
                                                 system->factored_row_of_col(), options, context.pool, rows, kept);
-  if (!has_room_to_keep(made.plan, changes.device, *system, context)) {
-    context.log("a device has no memory for what all fronts make: factorizations make everything");
-    made.plan.options.keep_contributions = false;
-    const plan::ArraySizes sizes = plan::array_sizes(made.plan, plan::name_regions(made.plan, true));
-    plan::plan_memory(made.plan, &sizes, context.pool.size());
-  }
+  keep_where_it_fits(made.plan, changes.device, context, kept);
   made.system = std::move(system);
   made.device = std::move(changes.device);
   made.moved_pivots = changes.moved_pivots;

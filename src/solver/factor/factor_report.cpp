@@ -120,11 +120,9 @@ std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorRe
 
 std::string whole_reason(const Analysis& analysis, const Numeric& numeric) {
   if (numeric.keeps_fronts()) return {};
-  if (analysis.device.devices() > 1)
-    return "several devices share the factorization, and exchange all that fronts leave for their parents";
-  if (numeric.out_of_core().budget_bytes > 0)
-    return "out of core on a GPU, what fronts leave for their parents gives its place to others";
-  return "the device has no memory for what all fronts leave for their parents";
+  if (analysis.device.one_a_rank)
+    return "GPUs of several ranks exchange what fronts leave for their parents in each run";
+  return "the device keeps no fronts, or has no memory for what they leave for their parents";
 }
 
 FactorResult report_factor(const Analysis& analysis, const Numeric& numeric, const device::FactorOutcome& outcome,

@@ -55,8 +55,7 @@ class NumericOf final : public Numeric {
         rows_(prepared_, real_form_, budget_),
         rule_{context.options.pivot_threshold, 0},
         executor_(followed ? std::move(followed) : make_executor<T>(analysis, rule_, context)) {
-    keeps_fronts_ = plan_->options.keep_contributions &&
-                    (executor_->out_of_core().budget_bytes == 0 || keeps_fronts_out_of_core(analysis.device));
+    keeps_fronts_ = plan_->options.keep_contributions;
     // A Cholesky pivot is judged by its diagonal entry.
     const MatrixView factored = analysis.system->factored_pattern();
     if (analysis.kind() == Kind::llt) diagonal_ = diagonal_places(factored, plan_->tree.order, pool_);

@@ -117,7 +117,7 @@ out_of_core::OutOfCoreOptions out_of_core_options(const DeviceChoice& device, co
   o.pool = &job.pool;
   o.rates = out_of_core::PlanningRates(job.plan.options.machine.out_of_core, job.kind, o.pinned_bytes > 0);
   if (!device.backend->limits().own_memory) o.rates.device_solve = o.rates.host_solve;  // it is the host that solves
-  o.rates.keep_contributions = job.plan.options.keep_contributions && keeps_fronts_out_of_core(device);
+  o.rates.keep_contributions = job.plan.options.keep_contributions;
   return o;
 }
 
@@ -283,10 +283,6 @@ Offset out_of_core_bytes(const DeviceChoice& device, const Job& job, const Conte
 }
 
 }  // namespace
-
-bool keeps_fronts_out_of_core(const DeviceChoice& device) {
-  return !device.backend->limits().own_memory && device.devices() == 1;
-}
 
 Offset predicted_executor_bytes(const Analysis& analysis, const Context& context) {
   const Backend& backend = *analysis.device.backend;

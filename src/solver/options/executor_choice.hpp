@@ -16,9 +16,6 @@ template <class T>
 std::unique_ptr<device::Executor<T>> make_executor(const Analysis& analysis, const device::PivotRule& rule,
                                                    const Context& context);
 
-/// Whether an executor that works out of core there keeps fronts that other values do not reach, if the plan says so.
-bool keeps_fronts_out_of_core(const DeviceChoice& device);
-
 /// Bytes of factor and work arrays that make_executor() takes of the host's budget, with a solution for one right-hand
 /// side; of devices with memory of their own, of theirs. What does not fit budgets of host devices is planned out of
 /// core to know it.

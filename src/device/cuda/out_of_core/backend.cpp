@@ -15,6 +15,7 @@
 #include "device/cuda/runtime/device_guard.hpp"
 #include "device/cuda/runtime/device_memory.hpp"
 #include "out_of_core/cut.hpp"
+#include "plan/reached_fronts.hpp"
 
 namespace espalier::device::cuda {
 
@@ -54,6 +55,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     T* arena = reinterpret_cast<T*>(resources_.arena());
     copy_now(plan.shared_at, &arena, sizeof arena);
     set_pivot_rule(rule_);
+    if (this->plan().options.keep_contributions) pivots_.keep_units(steps_.size() + groups_.size());
     if (!plan.resident.empty() && solve_pool_ != nullptr)
       part_.emplace(PartContext{this->plan(), this->out_of_core_tables(), plan, kind_, resources_.arena(),
                                 resources_.stream(Queue::run), *solve_pool_, options_.patience_seconds});
@@ -70,7 +72,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   void begin(std::span<const T>) override {
     pivots_.begin();
     runs_.clear();
-    started_ = {};
+    marked_ = {};
     times_ = {};
     if (part_) part_->forget();
   }
@@ -106,6 +108,7 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   std::span<const std::byte> tables(const Operation& op) override { return unit(op).bytes; }
   void mark(Queue q, std::int64_t number) override {
     call("cudaEventRecord", [&] { return cudaEventRecord(resources_.mark(q, number), resources_.stream(q)); });
+    if (q == Queue::run || q == Queue::second_run) marked_[static_cast<std::size_t>(q)] = number;
   }
   void wait_for_mark(Queue q, Queue other, std::int64_t number) override { wait_for_mark(q, *this, other, number); }
   void wait_for_mark(Queue q, out_of_core::OutOfCoreBackend<T>& of, Queue other, std::int64_t number) override {
@@ -130,19 +133,40 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     (void)cudaGetLastError();
   }
 
+  // ---- runs that make some units again ------------------------------------------------------------------------------
+
+  [[nodiscard]] std::vector<char> changed_fronts(std::span<const T> values, std::span<const T> before) override {
+    if (!this->plan().options.keep_contributions || !pivots_.positive()) return {};
+    std::vector<char> changed(static_cast<std::size_t>(this->plan().fronts()), 0);
+    if (solve_pool_ != nullptr) changed = plan::fronts_reached(this->plan(), values, before, *solve_pool_);
+    for (std::size_t s = 0; s < steps_.size(); ++s) {
+      const auto& fronts = out_of_core_->steps[s].fronts;
+      if (!fronts.empty() && !pivots_.stays(s, rule_)) changed[static_cast<std::size_t>(fronts.front())] = 1;
+    }
+    for (std::size_t g = 0; g < groups_.size(); ++g)
+      if (groups_[g].scratch.pivots > 0 && !pivots_.stays(steps_.size() + g, rule_))
+        changed[static_cast<std::size_t>(out_of_core_->groups[g].front)] = 1;
+    return changed;
+  }
+  void bring(Queue queue, Offset to, const std::byte* from, Offset bytes) override {
+    move(resources_.arena() + to, from, bytes, cudaMemcpyHostToDevice, queue);
+    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(resources_.stream(queue)); });
+  }
+
   // ---- operations ---------------------------------------------------------------------------------------------------
 
   void run(const Operation& op) override {
-    runs_.push_back(&op);
     const cudaStream_t stream = resources_.stream(op.queue);
-    const std::int64_t number = ++started_[static_cast<std::size_t>(op.queue)];
+    const std::int64_t number = marked_[static_cast<std::size_t>(op.queue)] + 1;
+    runs_.push_back({&op, number});
     call("cudaEventRecord", [&] { return cudaEventRecord(resources_.start(op.queue, number), stream); });
     launches_->run(op, unit(op), stream);
   }
 
   void take_outputs(const Operation& op, std::span<const std::byte> bytes) override {
-    pivots_.take(unit(op).scratch, op.grouped ? positions_of(group(op), unit(op)) : positions_of(step(op)), rule_,
-                 bytes);
+    const std::size_t number = static_cast<std::size_t>(op.unit) + (op.grouped ? steps_.size() : 0);
+    pivots_.take(number, unit(op).scratch, op.grouped ? positions_of(group(op), unit(op)) : positions_of(step(op)),
+                 rule_, bytes);
   }
   FactorOutcome outcome() override { return pivots_.outcome(); }
 
@@ -318,12 +342,11 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   }
 
   void add_up_times() {
-    std::array<std::int64_t, out_of_core::kQueues> number{};
-    for (const Operation* op : runs_) {
-      const std::int64_t n = ++number[static_cast<std::size_t>(op->queue)];
+    for (const auto& [op, n] : runs_) {
       float ms = 0;
-      call("cudaEventElapsedTime",
-           [&] { return cudaEventElapsedTime(&ms, resources_.start(op->queue, n), resources_.mark(op->queue, n)); });
+      call("cudaEventElapsedTime", [&, op = op, n = n] {
+        return cudaEventElapsedTime(&ms, resources_.start(op->queue, n), resources_.mark(op->queue, n));
+      });
       out_of_core::time_of(times_, op->type) += 1e-3 * static_cast<double>(ms);
     }
   }
@@ -351,8 +374,8 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   std::optional<Launches<T>> launches_;
   const out_of_core::OutOfCorePlan* out_of_core_ = nullptr;
   std::vector<UnitTables> steps_, groups_;
-  std::vector<const Operation*> runs_;  // of the last factorization
-  std::array<std::int64_t, out_of_core::kQueues> started_{};
+  std::vector<std::pair<const Operation*, std::int64_t>> runs_;  // of the last factorization, with their numbers
+  std::array<std::int64_t, out_of_core::kQueues> marked_{};      // of queues that compute
   OperationTimes times_;
 };
 

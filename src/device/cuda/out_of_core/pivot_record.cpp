@@ -4,7 +4,7 @@
 #include <cmath>
 #include <cstring>
 
-#include "device/cuda/kernels/factor/factor_parameters.hpp"
+#include "device/cuda/kernels/factor/pivot_limits.hpp"
 #include "device/cuda/tables/pivot_pair.hpp"
 
 namespace espalier::device::cuda {
@@ -35,8 +35,29 @@ void PivotRecord<T>::begin() {
 }
 
 template <class T>
-void PivotRecord<T>::take(const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
+void PivotRecord<T>::take(std::size_t unit, const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
                           std::span<const std::byte> bytes) {
+  if (bytes.empty()) return read_unit(at, positions, rule, units_[unit].bytes);
+  const std::size_t before = doubtful();
+  read_unit(at, positions, rule, bytes);
+  if (units_.empty()) return;
+  KeptUnit& kept = units_[unit];
+  kept.bytes.assign(bytes.begin(), bytes.end());
+  kept.limits = limits_of<T>(rule);
+  // None is smaller than the suspect ones.
+  kept.firm = doubtful() == before && read<int>(bytes, at.control + 4 * kNear) == 0 &&
+              kept.limits[2] >= kFarFromTiny * kept.limits[0];
+}
+
+template <class T>
+bool PivotRecord<T>::stays(std::size_t unit, const PivotRule& rule) const {
+  const KeptUnit& kept = units_[unit];
+  return !kept.bytes.empty() && judged_alike<T>(kind_, kept.limits, limits_of<T>(rule), true, kept.firm);
+}
+
+template <class T>
+void PivotRecord<T>::read_unit(const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
+                               std::span<const std::byte> bytes) {
   constexpr auto kSize = static_cast<Offset>(sizeof(T));
   const auto control = [&](int counter) { return read<int>(bytes, at.control + 4 * counter); };
   const auto marked = [&](Offset list, Index k) { return bytes[static_cast<std::size_t>(list + k)] != std::byte{0}; };

@@ -114,7 +114,8 @@ class HostOutOfCoreBackend final : public out_of_core::OutOfCoreBackend<T> {
     return host::changed_fronts(*state_, values, before, rule_, pool_);
   }
   void keep(std::span<const char> kept) override { state_->kept.assign(kept.begin(), kept.end()); }
-  void bring(Offset to, const std::byte* from, Offset bytes) override {
+  void bring(Queue, Offset to, const std::byte* from, Offset bytes) override {
+    pinned_memory().check_not_torn(from, bytes);
     std::memcpy(place(to, bytes), from, static_cast<std::size_t>(bytes));
   }
   void begin(std::span<const T> values) override {

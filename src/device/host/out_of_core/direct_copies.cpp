@@ -26,6 +26,15 @@ void PinnedMemory::check(const std::byte* at, Offset bytes) const {
     throw std::logic_error("out of core: a copy without the ring outside of one pinned block");
 }
 
+void PinnedMemory::check_not_torn(const std::byte* at, Offset bytes) const {
+  {
+    const std::lock_guard lock(mutex_);
+    auto next = ranges_.lower_bound(at + bytes);  // those before begin in front of the end
+    if (next == ranges_.begin() || std::prev(next)->first + std::prev(next)->second <= at) return;
+  }
+  check(at, bytes);
+}
+
 PinnedMemory& pinned_memory() {
   static PinnedMemory memory;
   return memory;

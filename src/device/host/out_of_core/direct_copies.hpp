@@ -20,6 +20,8 @@ class PinnedMemory {
   void remove(std::byte* at) noexcept;
   /// @throws std::logic_error unless one pinned range holds all of [at, at + bytes)
   void check(const std::byte* at, Offset bytes) const;
+  /// @throws std::logic_error if a part of it is pinned, and one range does not hold all: drivers refuse such copies
+  void check_not_torn(const std::byte* at, Offset bytes) const;
 
  private:
   mutable std::mutex mutex_;
