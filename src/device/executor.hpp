@@ -161,9 +161,10 @@ class Executor {
   /// destroyed then. Its next factorize() must get the same values: after a halted factorization it makes only what was
   /// not made, or is not the same any more, with the same bits as if it had made all. Of a changed pattern
   /// (FrontsBefore::of_pattern) the next call is factorize_changed(), where `before` are the values of the last
-  /// factorization in the places of now; or factorize(), which makes all.
+  /// factorization in the places of now; or factorize(), which makes all. So it is of a linear system in the device's
+  /// memory (DeviceLinearSystem::factorize_changed()), which has to be made anew.
   /// @returns null where the backend cannot do that
-  /// @throws Error(out_of_memory); this executor stays as it is
+  /// @throws Error(out_of_memory); this executor stays as it is, but is of no use where the pattern has changed
   virtual std::unique_ptr<Executor> with_changed_plan(const plan::Plan& /*plan*/,
                                                       const plan::FrontsBefore& /*before*/) {
     return nullptr;

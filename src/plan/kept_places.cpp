@@ -13,7 +13,7 @@ namespace {
 
 bool gives_nothing_away(const Plan& plan) {
   const PlanOptions& o = plan.options;
-  return o.keep_contributions && o.devices == 1 && o.ranks == 1 && o.arrays == nullptr && plan.tree.border == 0;
+  return o.keep_contributions && o.devices == 1 && o.ranks == 1 && plan.tree.border == 0;
 }
 
 bool cuts_alike(const TileRule& a, const TileRule& b) {
@@ -23,7 +23,7 @@ bool cuts_alike(const TileRule& a, const TileRule& b) {
 }
 
 bool places_can_stay(const Plan& plan, const Plan& before) {
-  return gives_nothing_away(plan) && gives_nothing_away(before) &&
+  return gives_nothing_away(plan) && gives_nothing_away(before) && plan.options.arrays == before.options.arrays &&
          cuts_alike(plan.options.tiles, before.options.tiles) &&
          plan.options.unsymmetric == before.options.unsymmetric && plan.options.ldlt == before.options.ldlt;
 }
@@ -57,7 +57,16 @@ class PlaceKeeper {
     const Offset p = plan_.options.tiles.panel;
     return (x + p - 1) / p * p;
   }
-  [[nodiscard]] Offset contribution_size(Index f) const { return round(plan_.layout[f].contribution_size()); }
+  [[nodiscard]] Offset factor_size(Index f) const {
+    const ArrayLayout* arrays = plan_.options.arrays;
+    return arrays != nullptr ? arrays->factor_elements(plan_.layout[f], plan_.form(f))
+                             : round(plan_.layout[f].factor_size());
+  }
+  [[nodiscard]] Offset contribution_size(Index f) const {
+    const ArrayLayout* arrays = plan_.options.arrays;
+    return arrays != nullptr ? arrays->contribution_elements(plan_.layout[f], plan_.form(f))
+                             : round(plan_.layout[f].contribution_size());
+  }
 
   void begin() {
     m_ = MemoryPlan{};
@@ -94,7 +103,7 @@ class PlaceKeeper {
     const MemoryPlan& was = was_.memory;
     const Index o = same_[f];
     const bool lu = plan_.options.unsymmetric;
-    const Offset size = round(plan_.layout[f].factor_size());
+    const Offset size = factor_size(f);
     const auto place_of = [&](const std::vector<Offset>& places) { return o < 0 ? -1 : places[o]; };
     list(&m_.factor[f], size, place_of(was.factor));
     if (lu || (plan_.options.ldlt && plan_.whole[f] == 0)) list(&m_.factor2[f], size, place_of(was.factor2));

@@ -14,7 +14,7 @@ namespace espalier::plan {
 /// leave free, or come behind.
 /// @pre plan.tasks are listed. @param same  see KeptEntries
 /// @returns false, and the plan has no places: where these plans give places to others (none keeps contributions, or
-///          several devices, arrays of a backend's own, a border), where there is no more room
+///          several devices, a border), have other arrays, where there is no more room
 ///          (elements_with_room()), or far less is needed than was
 bool place_as_before(Plan& plan, const Plan& before, std::span<const Index> same);
 

@@ -9,12 +9,15 @@
 #include <vector>
 
 #include "analysis/ordering.hpp"
+#include "analysis/tree_change.hpp"
 #include "base/at.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/tables/device_bytes.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "device/cuda/tables/made_tasks.hpp"
 #include "matrix/generators/generate.hpp"
+#include "plan/kept_entries.hpp"
+#include "plan/kept_places.hpp"
 #include "plan/reached_fronts.hpp"
 #include "reference/reference.hpp"
 
@@ -101,6 +104,23 @@ TEST(CudaMadeTasks, FindAllThatTheyWaitFor) {
     }
 }
 
+void expect_places_apart(const Planned& p, Kind kind) {
+  std::vector<std::pair<Offset, Offset>> arrays;
+  for (Index f = 0; f < p.plan.fronts(); ++f) {
+    const Front& x = p.tables.fronts[at(f)];
+    arrays.emplace_back(x.factor, x.factor + x.factor_size());
+    if (kind == Kind::lu || (kind == Kind::ldlt && x.whole == 0))
+      arrays.emplace_back(x.second, x.second + x.factor_size());
+    if (p.plan.tree.parent[at(f)] < 0 || x.below == 0) continue;
+    arrays.emplace_back(x.contribution, x.contribution + x.contribution_size());
+    if (kind == Kind::lu) arrays.emplace_back(x.contribution_up, x.contribution_up + x.contribution_size());
+  }
+  std::sort(arrays.begin(), arrays.end());
+  for (std::size_t k = 0; k + 1 < arrays.size(); ++k) ASSERT_LE(arrays[k].second, arrays[k + 1].first);
+  EXPECT_LE(arrays.back().second, p.tables.kept) << "solves take what is behind";
+  EXPECT_LE(p.tables.kept, p.tables.regions[0]);
+}
+
 // What fronts have made stays: nobody waits for memory, and no two arrays have a place in common.
 TEST(CudaMadeTasks, EveryArrayHasAPlaceOfItsOwn) {
   for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu}) {
@@ -108,21 +128,96 @@ TEST(CudaMadeTasks, EveryArrayHasAPlaceOfItsOwn) {
     const Planned p = planned(a, kind, true), other = planned(a, kind, false);
     EXPECT_TRUE(p.tables.waits.empty());
     EXPECT_FALSE(other.tables.waits.empty());
-    std::vector<std::pair<Offset, Offset>> arrays;
-    for (Index f = 0; f < p.plan.fronts(); ++f) {
-      const Front& x = p.tables.fronts[at(f)];
-      arrays.emplace_back(x.factor, x.factor + x.factor_size());
-      if (kind == Kind::lu || (kind == Kind::ldlt && x.whole == 0))
-        arrays.emplace_back(x.second, x.second + x.factor_size());
-      if (p.plan.tree.parent[at(f)] < 0 || x.below == 0) continue;
-      arrays.emplace_back(x.contribution, x.contribution + x.contribution_size());
-      if (kind == Kind::lu) arrays.emplace_back(x.contribution_up, x.contribution_up + x.contribution_size());
-    }
-    std::sort(arrays.begin(), arrays.end());
-    for (std::size_t k = 0; k + 1 < arrays.size(); ++k) ASSERT_LE(arrays[k].second, arrays[k + 1].first);
-    EXPECT_LE(arrays.back().second, p.tables.kept) << "solves take what is behind";
-    EXPECT_LE(p.tables.kept, p.tables.regions[0]);
+    expect_places_apart(p, kind);
   }
+}
+
+// Springs between unknowns near each other come to a lower triangle. @param places  where entries of before stand now
+SparseMatrix with_springs(const SparseMatrix& a, std::mt19937& random,
+                          std::vector<analysis::PatternChange::Edge>& added, plan::SourceMap& places) {
+  SparseMatrix b;
+  b.rows = b.cols = a.cols;
+  b.storage = a.storage;
+  b.col_ptr.assign(1, 0);
+  std::vector<std::vector<Index>> more(at(a.cols));
+  for (int k = 0; k < 3; ++k) {
+    const Index u = std::uniform_int_distribution<Index>(0, a.cols - 2)(random);
+    const Index v = std::min(a.cols - 1, u + 1 + std::uniform_int_distribution<Index>(0, 40)(random));
+    more[at(u)].push_back(v);
+  }
+  for (Index c = 0; c < a.cols; ++c) {
+    const auto begin = a.row_ind.begin() + a.col_ptr[at(c)], end = a.row_ind.begin() + a.col_ptr[at(c) + 1];
+    std::vector<Index> rows(begin, end);
+    for (const Index r : more[at(c)])
+      if (std::find(rows.begin(), rows.end(), r) == rows.end()) {
+        rows.push_back(r);
+        added.emplace_back(r, c);
+      }
+    std::sort(rows.begin(), rows.end());
+    std::vector<Offset> now;
+    for (auto r = begin; r != end; ++r)
+      now.push_back(static_cast<Offset>(b.row_ind.size()) + (std::find(rows.begin(), rows.end(), *r) - rows.begin()));
+    places.list(a.col_ptr[at(c)], now);
+    b.row_ind.insert(b.row_ind.end(), rows.begin(), rows.end());
+    b.col_ptr.push_back(static_cast<Offset>(b.row_ind.size()));
+  }
+  places.close(a.nonzeros());
+  b.values.assign(b.row_ind.size(), 1.0);
+  return b;
+}
+
+// Patterns change; fronts that stay keep their arrays, whoever takes the rest, and what is to be made finds all that it
+// waits for.
+TEST(CudaMadeTasks, OfChangedPatternsKeepTheirPlaces) {
+  base::ThreadPool pool(2);
+  std::mt19937 random(17);
+  Index staying = 0, fronts = 0;
+  for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu})
+    for (const char* n : {"7", "9"}) {
+      SparseMatrix a = generated({"elasticity", n});
+      Planned p = planned(a, kind, true);
+      for (int round = 0; round < 12; ++round) {
+        std::vector<analysis::PatternChange::Edge> added;
+        plan::SourceMap places;
+        SparseMatrix b = with_springs(a, random, added, places);
+        const MatrixView view = b;
+        const matrix::RowIndex rows = matrix::index_rows(b, pool);
+        const analysis::ChangedTree changed = analysis::change_tree(p.plan.tree, {added, {}, {}, view, rows}, pool);
+        const plan::KeptEntries kept{p.plan, changed.same, places, {}, {}, {}, true};
+        Planned now;
+        now.plan = plan::make_plan(changed.tree, b, {}, p.plan.options, pool, &rows, &kept);
+        now.tables = device::cuda::make_device_plan(now.plan, kind);
+        const plan::FrontsBefore stay = plan::fronts_that_stay(now.plan, p.plan, changed.same);
+        expect_places_apart(now, kind);
+        std::vector<char> made(at(now.plan.fronts()), 0);
+        for (Index f = 0; f < now.plan.fronts(); ++f) {
+          const Index o = stay.same[at(f)];
+          if (o < 0) made[at(f)] = 1;
+          const Index parent = now.plan.tree.parent[at(f)];
+          if (made[at(f)] != 0 && parent >= 0) made[at(parent)] = 1;
+          if (o < 0) continue;
+          ++staying;
+          Front mine = now.tables.fronts[at(f)];
+          const Front& was = p.tables.fronts[at(o)];
+          EXPECT_EQ(mine.factor, was.factor);
+          EXPECT_EQ(mine.contribution, parent >= 0 ? was.contribution : mine.contribution);
+          if (made[at(f)] == 0) {
+            EXPECT_EQ(mine.inverted, was.inverted) << "the inverses of a front that is kept are joined as before";
+          }
+          EXPECT_EQ(mine.whole, was.whole);
+          EXPECT_EQ(mine.width, was.width);
+          EXPECT_EQ(mine.flags(), was.flags());
+          EXPECT_EQ(mine.tasks, was.tasks);
+        }
+        fronts += now.plan.fronts();
+        expect_finished(now.tables, made, kind == Kind::lu);
+        if (HasFatalFailure()) return;
+        p = std::move(now);
+        a = std::move(b);
+      }
+    }
+  EXPECT_GT(staying, fronts / 3);
+  EXPECT_LT(staying, fronts);
 }
 
 TEST(CudaMadeTasks, ReachedAreTheFrontsOfOtherValuesAndAllAbove) {

@@ -26,7 +26,6 @@ struct Variant {
   Rescale rescale = Rescale::off;
 };
 
-// Patterns and values change by turns; now and then a pattern changes twice before it is factorized.
 void expect_bits_in_changing_patterns(const Variant& v, const SparseMatrix& first, unsigned seed, int& kept) {
   Options options[] = {bare(true), bare(false)};
   for (Options& o : options) {
@@ -37,32 +36,7 @@ void expect_bits_in_changing_patterns(const Variant& v, const SparseMatrix& firs
     o.threads = 2;
   }
   options[0].threads = v.threads;
-  Solver partial(options[0]), whole(options[1]);
-  ASSERT_TRUE(partial.analyze(first).status.ok());
-  ASSERT_TRUE(whole.analyze(first).status.ok());
-  std::mt19937 random(seed);
-  SparseMatrix a = first;
-  std::vector<double> now = a.values;
-  const std::vector<double> b = some_right_hand_side<double>(a.rows, seed);
-  bool changed = false;
-  for (int round = 0; round < 16; ++round) {
-    SCOPED_TRACE("round " + std::to_string(round));
-    const double share = expect_same_factors(partial, whole, now, b);
-    if (testing::Test::HasFailure()) return;
-    kept += changed && share < 1 ? 1 : 0;
-    changed = random() % 3 != 0;
-    if (!changed) {
-      change_values(now, a.values, random);
-      continue;
-    }
-    for (unsigned times = 1 + random() % 2; times > 0; --times) {
-      verdict::change_pattern(a, now, first, random);
-      const ChangeResult p = partial.analyze_change(a), w = whole.analyze_change(a);
-      ASSERT_EQ(p.analysis.status.code, w.analysis.status.code) << p.analysis.status.message;
-      if (!p.analysis.status.ok()) return;
-      ASSERT_EQ(p.full, w.full);
-    }
-  }
+  changed_values::expect_bits_in_changing_patterns(options[0], options[1], first, seed, kept);
 }
 
 TEST(KeptNumbers, HaveTheBitsOfAWholeFactorization) {
@@ -91,27 +65,6 @@ TEST(KeptNumbers, HaveTheBitsOfAWholeFactorization) {
     EXPECT_GT(kept, 5) << v.name;
   }
 }
-
-// A spring between two unknowns, on the diagonals and beside.
-SparseMatrix with_spring(const SparseMatrix& a, Index u, Index v) {
-  std::vector<reference::Triple> t;
-  for (Index c = 0; c < a.cols; ++c)
-    for (Offset q = a.col_ptr[static_cast<std::size_t>(c)]; q < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
-      t.push_back({a.row_ind[static_cast<std::size_t>(q)], c, a.values[static_cast<std::size_t>(q)]});
-  t.push_back({u, u, 1.0});
-  t.push_back({v, v, 1.0});
-  t.push_back({std::max(u, v), std::min(u, v), -1.0});
-  return reference::from_triples(a.cols, t, a.storage);
-}
-
-SparseMatrix natural_elasticity(Index n) {
-  matrix::GeneratorSpec spec = matrix::parse_generator(std::vector<std::string>{"elasticity", std::to_string(n)});
-  spec.numbering = matrix::Numbering::natural;
-  return matrix::generate(spec);
-}
-
-// Two nodes of a face, two apart: most of the body is far away.
-SparseMatrix in_contact(const SparseMatrix& a) { return with_spring(a, a.cols - 3, a.cols - 9); }
 
 TEST(KeptNumbers, AreThoseThatTheChangeDoesNotReach) {
   const SparseMatrix a = natural_elasticity(12), b = in_contact(a);

@@ -205,14 +205,12 @@ FollowedAnalysis::Numbers numbers_that_stay(Analysis& made, const Analysis& befo
   const auto some_stay = [&] {
     return std::any_of(n.fronts.same.begin(), n.fronts.same.end(), [](Index f) { return f >= 0; });
   };
-  if (made.device.backend->limits().own_memory)
-    n.why_none = "on a GPU all is made once where the pattern has changed";
-  else if (!made.plan.options.keep_contributions || made.device.devices() > 1)
-    n.why_none = "only one device keeps the numbers of a pattern before";
+  if (!made.plan.options.keep_contributions || made.device.devices() > 1)
+    n.why_none = "several devices, and those without room for it, keep no numbers of a pattern before";
   else if (!some_stay())
     n.why_none = "the changed factor has no room beside that of the pattern before";
   if (!n.why_none.empty()) return n;
-  const Offset limit = context.budget.limit();
+  const Offset limit = made.device.backend->limits().own_memory ? 0 : context.budget.limit();
   if (limit <= 0 || predicted_host_bytes(made, context) <= limit) return n;
   plan::plan_memory(made.plan);
   n.why_none = "the budget has no room for what is new beside the numbers of the pattern before";

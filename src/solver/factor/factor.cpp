@@ -55,30 +55,48 @@ Factor::Factor(SharedAnalysis analysis, Values values, const Context& context)
 
 void Factor::drop() {
   numeric_.reset();
+  taken_.reset();
   factorized_ = false;
 }
 
 bool Factor::has_numbers() const {
-  return context_.options.partial_refactorization && numeric_ != nullptr && !context_.rescaled;
+  return context_.options.partial_refactorization && (numeric_ != nullptr || taken_) && !context_.rescaled;
 }
 
 Factor::Left Factor::leave_numbers() {
-  Left left{analysis_, nullptr, {}};
+  follow_numbers();
+  Left left{analysis_, {}, nullptr, made_anew_};
   if (numeric_ && context_.rescaled) left.why_none = "the scaling of the last values was one of their own";
-  if (has_numbers()) left.numeric = std::move(numeric_);
+  if (has_numbers()) {
+    if (device::DeviceLinearSystem* const device = numeric_->device_system()) {
+      values_.fetch(device);
+      left.values = values_.leave();
+    }
+    left.numeric = std::move(numeric_);
+  }
   drop();
   return left;
 }
 
-// What is not there can be made: no error of it is one of the caller's.
-void Factor::take_numbers(Left left, const FollowedAnalysis::Numbers& stay) {
+void Factor::take_numbers(Left left, FollowedAnalysis::Numbers stay) {
   if (!left.numeric) return note_anew(std::move(left.why_none));
-  if (!stay.why_none.empty()) return note_anew(stay.why_none);
+  if (!stay.why_none.empty()) return note_anew(std::move(stay.why_none));
+  taken_.emplace(std::move(left), std::move(stay));
+  if (!analysis_->device.backend->limits().own_memory) follow_numbers();
+}
+
+// What is not there can be made: no error of it is one of the caller's.
+void Factor::follow_numbers() {
+  if (!taken_) return;
+  Taken taken = std::move(*taken_);
+  taken_.reset();
   try {
-    numeric_ = left.numeric->follow_pattern(*analysis_, values_.values(), stay, context_);
-    left = {};
-    if (numeric_) charge_analysis();
-    if (!numeric_) note_anew("only a whole factor in core on the host goes on in a changed pattern");
+    if (!taken.left.values.empty()) values_.follow(taken.left.values, taken.stay.entries, context_.pool);
+    numeric_ = taken.left.numeric->follow_pattern(*analysis_, values_.values(), taken.stay, context_);
+    taken.left.numeric.reset();
+    if (!numeric_) return note_anew("only a whole factor in core goes on in a changed pattern");
+    charge_analysis();
+    values_.send(numeric_->device_system());
   } catch (const std::exception& error) {
     numeric_.reset();
     note_anew(fmt::format("the numbers of the pattern before could not be kept: {}", error.what()));
@@ -192,6 +210,7 @@ void Factor::begin() {
   parts_ = true;
   if (context_.timeline != nullptr) context_.timeline->clear();
   raise_where_noted();
+  follow_numbers();
   if (!numeric_) make_numeric();
   numeric_->scale_by_matching(context_.matches());
   numeric_->halt_at_failures(halts_);

@@ -51,6 +51,10 @@ class FactorValues {
   void load(const System& system, const RankValues& from, device::DeviceLinearSystem* device, base::ThreadPool& pool);
   /// To a device that holds the linear system, if any.
   void send(device::DeviceLinearSystem* device) const;
+  /// Values of a pattern before, by its entries, become those of before here, where entries have come with zeros.
+  void follow(std::span<const double> before, const plan::SourceMap& now, base::ThreadPool& pool);
+  /// The values, which are of no use here then.
+  [[nodiscard]] Values leave() { return std::move(values_); }
   /// The last values came from the memory of this device, and are there alone.
   void note_on_device() { on_device_ = true; }
   /// They come here, if they are there alone.
@@ -121,19 +125,24 @@ class Factor {
   /// What a factor leaves to that of a changed pattern.
   struct Left {
     SharedAnalysis analysis;           ///< of `numeric`
+    Values values;                     ///< of the last factorization, where a device holds the linear system
     std::unique_ptr<Numeric> numeric;  ///< null: nothing
-    std::string why_none;              ///< then: the reason, where there was a factor
+    std::string why_none = {};         ///< then: the reason, where there was a factor
   };
   /// Whether there is something to leave.
   [[nodiscard]] bool has_numbers() const;
   /// The same of the numbers; this factor has none then.
   [[nodiscard]] Left leave_numbers();
+  /// On a device with memory of its own the first factorization takes them over, as it makes tables there.
   /// @pre this factor is new. Where nothing can be kept, its first factorization makes everything, and says why
-  void take_numbers(Left left, const FollowedAnalysis::Numbers& stay);
+  void take_numbers(Left left, FollowedAnalysis::Numbers stay);
   /// Why the next factorization makes everything, though there was one before.
   void note_anew(std::string why) { made_anew_ = std::move(why); }
   /// Leaves the memory of the factor to itself: in the child of a fork(), a device of the parent cannot be asked.
-  void abandon() noexcept { (void)numeric_.release(); }
+  void abandon() noexcept {
+    (void)numeric_.release();
+    if (taken_) (void)taken_->left.numeric.release();
+  }
 
   /// Where factorizations have moved pivots, changed the kind or the devices, no longer the one that was given.
   [[nodiscard]] const SharedAnalysis& analysis() const { return analysis_; }
@@ -201,6 +210,7 @@ class Factor {
  private:
   void begin();
   void return_to_device();
+  void follow_numbers();
   void make_numeric();
   void charge_analysis();
   void again(device::FactorOutcome& outcome);
@@ -256,8 +266,13 @@ class Factor {
   int changes_before_ = 0;  // this factorization
   FactorValues values_;
   std::vector<double> border_values_;
-  Offset charged_ = 0;                    // of the analysis and the values, in the budget
-  std::unique_ptr<Numeric> numeric_;      // made by the first factorization; of analysis_ and values_
+  Offset charged_ = 0;                // of the analysis and the values, in the budget
+  std::unique_ptr<Numeric> numeric_;  // made by the first factorization; of analysis_ and values_
+  struct Taken {
+    Left left;
+    FollowedAnalysis::Numbers stay;
+  };
+  std::optional<Taken> taken_;            // from which the first factorization makes numeric_; empty: from nothing
   double smallest_pivot_ = 0;             // relative; a smaller pivot counts as zero
   std::optional<Deficiency> deficiency_;  // of the last numeric factorization; empty: not judged
   Index harmless_ = 0;                    // so many small pivots were no sign of singularity, in this plan

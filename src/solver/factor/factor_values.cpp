@@ -150,6 +150,20 @@ void FactorValues::send_changed(std::span<const double> from, device::DeviceLine
   device.replace_values(*changed_, numbers);
 }
 
+void FactorValues::follow(std::span<const double> before, const plan::SourceMap& now, base::ThreadPool& pool) {
+  constexpr std::int64_t kRange = 1 << 15;
+  const auto ranges = [&](std::size_t count, auto&& use) {
+    pool.for_each_range(static_cast<std::int64_t>(count), kRange, use);
+  };
+  ranges(values_.size(),
+         [&](std::int64_t begin, std::int64_t end) { std::fill(values_.begin() + begin, values_.begin() + end, 0.0); });
+  ranges(before.size(), [&](std::int64_t begin, std::int64_t end) {
+    plan::SourceMap::Cursor place(now);
+    for (auto k = begin; k < end; ++k)
+      if (const Offset to = place(k); to >= 0) values_[at(to)] = before[at(k)];
+  });
+}
+
 void FactorValues::send(device::DeviceLinearSystem* device) const {
   if (device != nullptr) device->send_values(0, static_cast<Offset>(values_.size()));
 }

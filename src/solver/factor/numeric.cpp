@@ -134,21 +134,20 @@ class NumericOf final : public Numeric {
   }
   std::unique_ptr<Numeric> follow_pattern(const Analysis& analysis, std::span<const double> values,
                                           const FollowedAnalysis::Numbers& stay, const Context& context) override {
-    const bool can = device_ == nullptr && real_form_ == nullptr && factorized_ && before_.size() > 0 && !border_ &&
-                     !analysis.system->real_form && context.single() == !base::keeps_fp64<T>;
+    const bool can = factorized_ && keeps_fronts_ && real_form_ == nullptr && !border_ && !analysis.system->real_form &&
+                     context.single() == !base::keeps_fp64<T>;
     if (!can) return nullptr;
-    const Offset entries = MatrixView(analysis.system->prepared.a).nonzeros();
-    before_ = {};
-    base::Buffer<T> mapped(entries, &budget_);
-    std::fill(mapped.begin(), mapped.end(), T(0));  // what has come is in no front that stays
-    plan::SourceMap::Cursor now(stay.entries);
-    for (Offset k = 0; k < values_.size(); ++k)
-      if (const Offset place = now(k); place >= 0) mapped[place] = values_[k];
+    const bool there = device_ != nullptr;
+    base::Buffer<T> mapped = there ? base::Buffer<T>() : values_in_places_of_now(analysis, stay.entries);
+    device_.reset();
     auto executor = executor_->with_changed_plan(analysis.plan, stay.fronts);
     if (executor == nullptr) return nullptr;
     values_ = {};
-    return std::make_unique<NumericOf>(analysis, values, std::span<const double>(), context, std::move(executor),
-                                       std::move(mapped));
+    auto next = std::make_unique<NumericOf>(analysis, values, std::span<const double>(), context, std::move(executor),
+                                            std::move(mapped));
+    if (there && next->device_ == nullptr) return nullptr;
+    next->factorized_ = true;
+    return next;
   }
   device::FactorOutcome factorize_rest() override {
     const base::Stage stage("factorization", flops_, "flops");
@@ -313,6 +312,16 @@ class NumericOf final : public Numeric {
   const ReachedFronts& fronts_of() {
     if (!fronts_) fronts_.emplace(prepared_, *plan_, kRealForm ? 2 : 1, pool_);
     return *fronts_;
+  }
+  // The scaled values of the last factorization. What has come is in no front that stays.
+  base::Buffer<T> values_in_places_of_now(const Analysis& analysis, const plan::SourceMap& entries) {
+    before_ = {};
+    base::Buffer<T> mapped(MatrixView(analysis.system->prepared.a).nonzeros(), &budget_);
+    std::fill(mapped.begin(), mapped.end(), T(0));
+    plan::SourceMap::Cursor now(entries);
+    for (Offset k = 0; k < values_.size(); ++k)
+      if (const Offset place = now(k); place >= 0) mapped[place] = values_[k];
+    return mapped;
   }
 
   // @returns the largest magnitude. Ranks each scale the values that they assemble, which together are all; of a real

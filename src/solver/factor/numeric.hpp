@@ -54,8 +54,9 @@ class Numeric {
   virtual bool change_analysis(const ChangedAnalysis& changed) = 0;
   /// For an analysis that has followed a changed pattern: with the memory of this one, which is of no use then, and the
   /// numbers of the fronts that stay. The first factorization of the other makes what these and its values leave.
-  /// @param values  of the factorizations to come
-  /// @returns null where that cannot be; this one stays as it is. Where it throws, this one may be of no use
+  /// @param values  of the factorizations to come. Where a device holds the linear system they are those of the last
+  ///                one, in the places of now, and are to be sent there
+  /// @returns null where that cannot be. This one may be of no use then, or where it throws
   [[nodiscard]] virtual std::unique_ptr<Numeric> follow_pattern(const Analysis& analysis,
                                                                 std::span<const double> values,
                                                                 const FollowedAnalysis::Numbers& stay,

@@ -147,7 +147,7 @@ ChangeResult Session::analyze_change(const GivenMatrix& a) {
   Factor::Left left = factor->leave_numbers();
   factor.reset();
   take(std::move(followed.made));
-  factor->take_numbers(std::move(left), followed.numbers);
+  factor->take_numbers(std::move(left), std::move(followed.numbers));
   watch_drift();
   return result;
 }

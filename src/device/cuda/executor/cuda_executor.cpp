@@ -68,7 +68,7 @@ TaskOrder order_for(const std::vector<int>& devices) {
 
 template <class T>
 ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const PivotRule& rule,
-                                        const CudaOptions& options)
+                                        const CudaOptions& options, DeviceArray<T> arena)
     : plan_(plan),
       kind_(kind),
       options_(options),
@@ -81,7 +81,8 @@ ExecutorOnDevices<T>::ExecutorOnDevices(const plan::Plan& plan, Kind kind, const
                options.patience_seconds,
                largest_stealable(tables_),
                values_of(plan, options.pool),
-               options.pool} {
+               options.pool},
+      arena_(std::move(arena)) {
   if (base::keeps_fp64<T> && stands_in_pairs(plan)) context_.pair_sign = options.pair_sign;
   if (static_cast<Index>(devices_.size()) != plan.ownership.devices)
     throw std::invalid_argument(fmt::format("make_cuda_executor: the plan is for {} devices, not for {}",
@@ -143,7 +144,8 @@ void ExecutorOnDevices<T>::add_side(int self) {
     const auto& budgets = options_.memory_bytes;
     const Offset budget = budgets.empty() ? 0 : budgets[static_cast<std::size_t>(self)];
     auto& side = sides_[static_cast<std::size_t>(self)];
-    side = std::make_unique<Side>(context_, self, device, budget, common_);
+    side = std::make_unique<Side>(context_, self, device, budget, common_,
+                                  self == 0 ? std::move(arena_) : DeviceArray<T>());
     side->send_lists();
     if (self == 0 || !peers_) side->send_tables();
   } catch (const Error& e) {

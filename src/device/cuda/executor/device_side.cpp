@@ -13,10 +13,11 @@ namespace espalier::device::cuda {
 
 namespace {
 
-Offset limit_of(Offset memory_bytes) {
+// @param held  bytes that are there already
+Offset limit_of(Offset memory_bytes, Offset held) {
   std::size_t free = 0, total = 0;
   call("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
-  const auto all = static_cast<Offset>(free);
+  const auto all = static_cast<Offset>(free) + held;
   return memory_bytes > 0 ? std::min(memory_bytes, all) : all;
 }
 
@@ -38,12 +39,12 @@ std::string device_name(int device) {
 
 template <class T>
 DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes,
-                          const CommonMemory<T>& common)
+                          const CommonMemory<T>& common, DeviceArray<T> arena)
     : context_(context),
       common_(common),
       self_(self),
       device_(device),
-      budget_(limit_of(memory_bytes)),
+      budget_(limit_of(memory_bytes, arena.bytes())),
       uploads_(self == context.pool_side ? context.pool : nullptr),
       counters_(2 * kCounters),
       one_(1),
@@ -53,7 +54,7 @@ DeviceSide<T>::DeviceSide(const SideContext& context, int self, int device, Offs
   *one_.data() = 1;
   needed_ =
       bytes_of(context_.plan, context_.kind, context_.tables, self_, context_.values, sizeof(T), context_.spare).all();
-  take_memory();
+  take_memory(std::move(arena));
   take_tables();
   choose_shapes();
 }
@@ -69,7 +70,7 @@ Offset DeviceSide<T>::own_elements() const {
 }
 
 template <class T>
-void DeviceSide<T>::take_memory() {
+void DeviceSide<T>::take_memory(DeviceArray<T> arena) {
   const auto& t = context_.tables;
   const auto take = [&](auto& array, Offset size) {
     array = std::remove_reference_t<decltype(array)>(size, budget_, needed_);
@@ -77,7 +78,12 @@ void DeviceSide<T>::take_memory() {
   const auto take_reached = [&](auto& array, Offset size) {
     take(array, context_.exported ? whole_pages<std::remove_pointer_t<decltype(array.data())>>(size) : size);
   };
-  if (common_.top == nullptr) take_reached(top_, t.regions[0]);
+  if (arena.size() > 0) {
+    budget_.take(arena.bytes(), needed_);
+    top_ = std::move(arena);
+  } else if (common_.top == nullptr) {
+    take_reached(top_, t.regions[0] + room_for_changes());
+  }
   take_reached(own_, own_elements() + context_.spare);
   if (!t.place_space.empty() && common_.places == nullptr)
     take_reached(places_, t.place_space[static_cast<std::size_t>(self_)]);

@@ -75,8 +75,10 @@ class DeviceSide {
  public:
   /// Takes all memory of the factorization on GPU `device`; it is side number `self`. Sides may be made at the same
   /// time; one of them works with the threads of the pool.
+  /// @param arena  of a side before, with what the plan keeps of it (go_on()); empty: it is taken
   /// @throws Error(out_of_memory) naming the bytes needed; Error(device_error)
-  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common);
+  DeviceSide(const SideContext& context, int self, int device, Offset memory_bytes, const CommonMemory<T>& common,
+             DeviceArray<T> arena = {});
   DeviceSide(const DeviceSide&) = delete;
   DeviceSide& operator=(const DeviceSide&) = delete;
 
@@ -110,6 +112,12 @@ class DeviceSide {
   /// In place of enqueue_begin() and enqueue_factor(): makes these, where all others are as a whole factorization has
   /// left them, with sound pivots.
   void enqueue_part();
+  /// Elements of the arena: plans that are changed go on in it (plan::elements_with_room()).
+  [[nodiscard]] Offset arena_elements() const { return top_.size(); }
+  /// The arena and all pivots (as by pivots_), once all work is done; the side is of no use then.
+  [[nodiscard]] DeviceArray<T> leave_arena(std::vector<T>& pivots);
+  /// The fronts of the arena are finished, whoever made them. @param pivots  as many as leave_arena() says
+  void go_on(const std::vector<T>& pivots);
   /// What stands before the kernels where this is the only GPU.
   void enqueue_begin(const FilledValues& values);
   /// The same where it is one of several that reach the first's memory; copies the values that it needs.
@@ -178,9 +186,10 @@ class DeviceSide {
   void for_tables(Use&& use);
   void read_pivots(int list, std::vector<T>& to) const;  // 0: pivots, 1 and 2: of the inverse of D
   [[nodiscard]] Offset own_elements() const;
+  [[nodiscard]] Offset room_for_changes() const;
   // Tasks [0, narrow_end) of state.tasks by the narrow kernel, those before `end` by the wide one.
   void launch_tasks(const FactorState<T>& state, std::int64_t narrow_end, std::int64_t end);
-  void take_memory();
+  void take_memory(DeviceArray<T> arena);
   void take_tables();
   void choose_shapes();
   template <class Use>

@@ -26,7 +26,9 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   using Side = DeviceSide<T>;
 
  public:
-  ExecutorOnDevices(const plan::Plan& plan, Kind kind, const PivotRule& rule, const CudaOptions& options);
+  /// @param arena  of an executor before; empty: it is taken
+  ExecutorOnDevices(const plan::Plan& plan, Kind kind, const PivotRule& rule, const CudaOptions& options,
+                    DeviceArray<T> arena = {});
 
   void set_pivot_rule(const PivotRule& rule) override {
     smallest_ = rule.smallest;
@@ -45,6 +47,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   FactorOutcome factorize_changed(std::span<const T> values, std::span<const T> before) override;
 
   std::optional<FactorOutcome> factorize_part(const FilledValues& values, std::span<const char> reached) override;
+
+  std::unique_ptr<Executor<T>> with_changed_plan(const plan::Plan& plan, const plan::FrontsBefore& before) override;
 
   double refactorize_again() override {
     const FactorGraphs& graphs = last_filled_ ? filled_graphs_ : graphs_;
@@ -235,10 +239,15 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   FactorOutcome run(bool filled);
   FactorOutcome run_once(bool filled, SideFlags& flags);
   void finish_run(bool filled, const SideFlags& flags, FactorOutcome& out);
-  // Runs the tasks of the fronts that are not 0. @pre goes_on(), and judges_alike() by the limits that are set
+  // Runs the tasks of the fronts that are not 0, and of those that have to be made. @pre goes_on(), and judges_alike()
+  // by the limits that are set
   FactorOutcome run_part(const FilledValues& values, std::span<const char> reached);
-  // Whether all fronts are finished, without a failure, and stay until a next run.
+  // Whether all fronts are finished, or those of made_, without a failure, and stay until a next run.
   [[nodiscard]] bool goes_on() const;
+  // Whether a factorization of these goes on from the last one, which was of others where the plan has changed.
+  [[nodiscard]] bool takes_up(const FilledValues& values);
+  // The fronts that values reach, those that have not been made, and all above them.
+  [[nodiscard]] std::vector<char> open_fronts(std::span<const char> reached) const;
   [[nodiscard]] bool judges_alike(const PivotLimits<T>& now) const;
   // @param all  all fronts were made
   void note_run(const FactorOutcome& out, const SideFlags& flags, const PivotLimits<T>& limits, bool all);
@@ -305,6 +314,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   bool peers_;  // each reaches the memory of all others
   DevicePlan tables_;
   SideContext context_;
+  DeviceArray<T> arena_;  // until the side has it
   PinnedArray<T> common_top_, common_places_, common_pivot_, common_updates_;
   PinnedArray<int> common_flag_;
   CommonMemory<T> common_;
@@ -314,6 +324,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   FactorGraphs graphs_, filled_graphs_;  // the second: of factorize_filled() with filled_
   FilledValues filled_;
   bool last_filled_ = false;  // the last factorization was one of these
+  std::vector<char> made_;    // fronts of a changed plan that the one before has left (1); empty: a run has made all
   struct LastRun {
     bool sound = false;          // no pivot was replaced or failed: some fronts alone may be made again
     bool near = false;           // kNear, of any run since all fronts were made

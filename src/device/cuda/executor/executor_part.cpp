@@ -21,7 +21,7 @@ FactorOutcome ExecutorOnDevices<T>::factorize_changed(std::span<const T> values,
 template <class T>
 std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_part(const FilledValues& values,
                                                                   std::span<const char> reached) {
-  if (!goes_on() || !last_filled_ || !(values == filled_)) return factorize_filled(values);
+  if (!goes_on() || !last_filled_ || !takes_up(values)) return factorize_filled(values);
   std::vector<double> parts(static_cast<std::size_t>(values.parts));
   const Offset bytes = values.parts * static_cast<Offset>(sizeof(double));
   at(first(), [&] { first().copy_out(parts.data(), values.largest, bytes); });
@@ -72,12 +72,13 @@ void ExecutorOnDevices<T>::note_run(const FactorOutcome& out, const SideFlags& f
 template <class T>
 FactorOutcome ExecutorOnDevices<T>::run_part(const FilledValues& values, std::span<const char> reached) {
   const bool filled = values.largest != nullptr;
+  const std::vector<char> made = open_fronts(reached);
   const double began = base::now_seconds();
   last_.sound = false;
   SideFlags flags;
   FactorOutcome out;
   at(first(), [&] {
-    first().choose_part(reached);
+    first().choose_part(made);
     first().enqueue_part();
     first().enqueue_judge(values, addresses(), nullptr);
     first().stream().wait();
@@ -88,7 +89,8 @@ FactorOutcome ExecutorOnDevices<T>::run_part(const FilledValues& values, std::sp
   read_marks(out, flags);
   finish_run(filled, flags, out);
   note_run(out, flags, filled ? limits_of_filled(first().factor_end().largest) : limits_, false);
-  out.share = plan::share_of_work(plan_, reached);
+  made_.clear();
+  out.share = plan::share_of_work(plan_, made);
   return out;
 }
 

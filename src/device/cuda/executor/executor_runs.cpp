@@ -29,7 +29,7 @@ FactorOutcome ExecutorOnDevices<T>::factorize(std::span<const T> values) {
 
 template <class T>
 std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_filled(const FilledValues& values) {
-  if (!(values == filled_)) {
+  if (!(values == filled_) || filled_graphs_.sides.empty()) {
     filled_ = {};
     filled_graphs_ = record_factorization(values);
     filled_ = values;
@@ -63,6 +63,7 @@ template <class T>
 FactorOutcome ExecutorOnDevices<T>::run_once(bool filled, SideFlags& flags) {
   const FactorGraphs& graphs = filled ? filled_graphs_ : graphs_;
   last_.sound = false;
+  made_.clear();
   FactorOutcome out;
   if (options_.timeline != nullptr)
     for (const auto& side : sides_) at(*side, [&] { side->clear_record(); });

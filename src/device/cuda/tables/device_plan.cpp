@@ -103,7 +103,7 @@ class Builder {
     const plan::MemoryPlan& m = plan_.memory;
     if (plan_.ownership.devices == 1) {
       d_.regions[0] = m.size;
-      d_.kept = m.factor_size;
+      d_.kept = plan_.options.keep_contributions ? m.size : m.factor_size;
       if (!m.factor.empty()) take_places(m);
     } else if (m.device_size.size() == d_.regions.size()) {
       take_places(m);
