@@ -110,9 +110,9 @@ struct PlanOptions {
   /// list.
   bool narrow_first = false;
   bool shared_top = true;  ///< block columns of the top are dealt to all devices; else all are the first one's
-  /// One device in core, or the sub-trees of a rank: all that fronts make has places of its own, what they leave for
-  /// their parents and L D of ldlt too, so that the next factorization need not make it again where nothing has
-  /// changed.
+  /// In core, on ranks the sub-trees: all that fronts make has places of its own, what they leave for their parents and
+  /// L D of ldlt too, so that the next factorization need not make it again where nothing has changed. Out of core it
+  /// has places in the store.
   bool keep_contributions = false;
 };
 

@@ -53,13 +53,13 @@ struct Brought {
                 static_cast<T>(std::uniform_real_distribution<double>(0.5, 2)(random)) * (k % 3 == 0 ? T(-1) : T(1)));
     set(device::cuda::kNegative, 2);
   }
-  void put(Offset to, const void* from, std::size_t size) { std::memcpy(bytes.data() + to, from, size); }
+  void write(Offset to, const void* from, std::size_t size) { std::memcpy(bytes.data() + to, from, size); }
   void set_pivot(Index k, T value) {
     const T inverse = 1 / value;
-    put(at.pivot + k * static_cast<Offset>(sizeof(T)), &value, sizeof value);
-    put(at.inverse_d + k * static_cast<Offset>(sizeof(T)), &inverse, sizeof value);
+    write(at.pivot + k * static_cast<Offset>(sizeof(T)), &value, sizeof value);
+    write(at.inverse_d + k * static_cast<Offset>(sizeof(T)), &inverse, sizeof value);
   }
-  void set(Control counter, int value) { put(at.control + 4 * counter, &value, sizeof value); }
+  void set(Control counter, int value) { write(at.control + 4 * counter, &value, sizeof value); }
 };
 
 template <class T>
@@ -92,8 +92,8 @@ TEST(PivotRecord, LooksAtPivotsThatAnotherRuleMightReplace) {
   Brought<double> small(2), replaced(2), failed(2), near(2);
   small.set_pivot(3, 1e-11);
   const std::byte one{1};
-  replaced.put(replaced.at.replaced + 2, &one, 1);
-  failed.put(failed.at.failed + 4, &one, 1);
+  replaced.write(replaced.at.replaced + 2, &one, 1);
+  failed.write(failed.at.failed + 4, &one, 1);
   near.set(device::cuda::kNear, 1);
   for (const Brought<double>* unit : {&small, &replaced, &failed, &near}) {
     const PivotRecord<double> record = recorded(Kind::ldlt, *unit, rule);
@@ -122,7 +122,7 @@ TEST(PivotRecord, CountsKeptUnitsAsIfTheyWereMade) {
     some.keep_units(2);
     Brought<double> first(4), second(5), changed(6);
     const std::byte one{1};
-    first.put(first.at.failed + 1, &one, 1);
+    first.write(first.at.failed + 1, &one, 1);
     first.set(device::cuda::kTwoByTwo, 1);
     const Positions of_first{{0, 3}, {6, 9}}, of_second{{3, 6}, {9, 12}};
     some.begin();

@@ -87,7 +87,7 @@ TEST_P(OutOfCorePartialRun, HasTheBitsOfAWholeOne) {
   EXPECT_GT(some, 0);
 }
 
-// Of several devices, whose groups of a large front lie between each other's.
+// Several devices: the groups of a large front lie between each other's.
 TEST_P(OutOfCorePartialRun, OnSeveralDevicesHasTheBitsOfAWholeOne) {
   int some = 0;
   for (const int count : {2, 3}) {

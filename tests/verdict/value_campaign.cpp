@@ -4,8 +4,9 @@
 //   espalier_value_changes [CHANGES [SEED [DEVICE [LARGEST_N [PATTERNS [FOLDER]]]]]]
 // Each fourth matrix is complex: symmetric, Hermitian or general.
 // default: 10000, seed 1, cpu, n up to 400, and of a hundred changes 0 change the pattern (Solver::analyze_change()).
-// With a folder all has a random budget: of the GPU, if DEVICE is one, of a device of the host, or of the host with the
-// factor on disk. The other solver is then a new one with the same options, up to the first pivot that moves.
+// With a folder all has a random budget: of the GPUs or devices of the host that DEVICE names; of cpu, of a device of
+// the host, or of the host with the factor on disk. The other solver is then a new one with the same options, up to the
+// first pivot that moves.
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -208,9 +209,9 @@ class Campaign {
   template <class T>
   bool take_budget(const Case& c, Options& options) {
     const verdict::MatrixOf<T> a = verdict::twin_of<T>(c.a, c.hermitian);
-    const bool gpu = device_.starts_with("gpu"), disk = !gpu && below(2) == 0;
+    const bool named = device_ != "cpu", disk = !named && below(2) == 0;
     options.partial_refactorization = true;
-    options.device = gpu ? device_ : disk ? "cpu" : "host:1";
+    options.device = named ? device_ : disk ? "cpu" : "host:1";
     const Offset all = SolverOf<T>(options).analyze(a).predicted_bytes;
     if (disk) options.scratch = folder_;
     double part = 0.05 * static_cast<double>(1 + below(12));

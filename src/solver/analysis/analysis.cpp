@@ -81,16 +81,14 @@ bool has_room(const plan::Plan& plan, const DeviceChoice& device, const Context&
 // with it, that is not kept. What does not fit either way goes out of core, which stores it.
 void keep_where_it_fits(plan::Plan& plan, const DeviceChoice& device, const Context& context,
                         const plan::KeptEntries* kept) {
-  if (!plan.options.keep_contributions || plan.options.arrays == nullptr) return;
-  if (has_room(plan, device, context, kept)) return;
+  const bool asked = plan.options.keep_contributions && plan.options.arrays != nullptr;
+  if (!asked || has_room(plan, device, context, kept)) return;
   plan::MemoryPlan keeping = plan.memory;
   plan.options.keep_contributions = false;
   const plan::ArraySizes sizes = plan::array_sizes(plan, plan::name_regions(plan, true));
   plan::plan_memory(plan, &sizes, context.pool.size());
-  if (has_room(plan, device, context, kept)) {
-    context.log("a device has no memory for what all fronts make: factorizations make everything");
-    return;
-  }
+  if (has_room(plan, device, context, kept))
+    return context.log("a device has no memory for what all fronts make: factorizations make everything");
   plan.options.keep_contributions = true;
   plan.memory = std::move(keeping);
 }
@@ -114,10 +112,7 @@ Analysis lay_out(std::shared_ptr<const System> system, analysis::AssemblyTree tr
   device::PlanWish wish = wish_of(*system, context);
   if (changes.free_pivots) wish.max_block_size = 0;
   wish.devices = changes.device.devices();
-  if (changes.device.one_a_rank) {  // as in one process with all of them, which make everything
-    wish.ranks = 1, wish.rank = 0;
-    wish.keep_contributions = false;
-  }
+  if (changes.device.one_a_rank) wish.ranks = 1, wish.rank = 0, wish.keep_contributions = false;  // as in one process
   wish.unequal = changes.device.unequal;
   wish.speed = changes.device.speed;
   Analysis made;

@@ -133,19 +133,11 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
     (void)cudaGetLastError();
   }
 
-  // ---- runs that make some units again ------------------------------------------------------------------------------
-
   [[nodiscard]] std::vector<char> changed_fronts(std::span<const T> values, std::span<const T> before) override {
     if (!this->plan().options.keep_contributions || !pivots_.positive()) return {};
-    std::vector<char> changed(static_cast<std::size_t>(this->plan().fronts()), 0);
+    std::vector<char> changed(static_cast<std::size_t>(this->plan().fronts()));
     if (solve_pool_ != nullptr) changed = plan::fronts_reached(this->plan(), values, before, *solve_pool_);
-    for (std::size_t s = 0; s < steps_.size(); ++s) {
-      const auto& fronts = out_of_core_->steps[s].fronts;
-      if (!fronts.empty() && !pivots_.stays(s, rule_)) changed[static_cast<std::size_t>(fronts.front())] = 1;
-    }
-    for (std::size_t g = 0; g < groups_.size(); ++g)
-      if (groups_[g].scratch.pivots > 0 && !pivots_.stays(steps_.size() + g, rule_))
-        changed[static_cast<std::size_t>(out_of_core_->groups[g].front)] = 1;
+    pivots_.mark_others(*out_of_core_, rule_, changed);
     return changed;
   }
   void bring(Queue queue, Offset to, const std::byte* from, Offset bytes) override {
@@ -164,9 +156,8 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
   }
 
   void take_outputs(const Operation& op, std::span<const std::byte> bytes) override {
-    const std::size_t number = static_cast<std::size_t>(op.unit) + (op.grouped ? steps_.size() : 0);
-    pivots_.take(number, unit(op).scratch, op.grouped ? positions_of(group(op), unit(op)) : positions_of(step(op)),
-                 rule_, bytes);
+    pivots_.take(static_cast<std::size_t>(op.unit) + (op.grouped ? steps_.size() : 0), unit(op).scratch,
+                 op.grouped ? positions_of(group(op), unit(op)) : positions_of(step(op)), rule_, bytes);
   }
   FactorOutcome outcome() override { return pivots_.outcome(); }
 
@@ -380,18 +371,6 @@ class CudaOutOfCoreBackend final : public CudaOutOfCoreLayout<T> {
 };
 
 }  // namespace
-
-Offset free_device_bytes(int device) {
-  int before = 0;
-  call("cudaGetDevice", [&] { return cudaGetDevice(&before); });
-  call("cudaSetDevice", [&] { return cudaSetDevice(device); });
-  std::size_t free = 0, total = 0;
-  const auto e = attempt("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
-  (void)cudaSetDevice(before);
-  check(e, "cudaMemGetInfo");
-  constexpr Offset kReserve = 64 << 20;  // kernels' stacks and the driver's own
-  return std::max<Offset>(0, static_cast<Offset>(free) - kReserve);
-}
 
 template <class T>
 std::vector<std::unique_ptr<out_of_core::OutOfCoreBackend<T>>> make_cuda_out_of_core_backends(

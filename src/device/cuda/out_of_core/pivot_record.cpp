@@ -41,7 +41,7 @@ void PivotRecord<T>::take(std::size_t unit, const ScratchPlaces& at, const Posit
   const std::size_t before = doubtful();
   read_unit(at, positions, rule, bytes);
   if (units_.empty()) return;
-  KeptUnit& kept = units_[unit];
+  KeptOutputs& kept = units_[unit];
   kept.bytes.assign(bytes.begin(), bytes.end());
   kept.limits = limits_of<T>(rule);
   // None is smaller than the suspect ones.
@@ -51,8 +51,19 @@ void PivotRecord<T>::take(std::size_t unit, const ScratchPlaces& at, const Posit
 
 template <class T>
 bool PivotRecord<T>::stays(std::size_t unit, const PivotRule& rule) const {
-  const KeptUnit& kept = units_[unit];
-  return !kept.bytes.empty() && judged_alike<T>(kind_, kept.limits, limits_of<T>(rule), true, kept.firm);
+  const KeptOutputs& kept = units_[unit];
+  return kept.bytes.empty() || judged_alike<T>(kind_, kept.limits, limits_of<T>(rule), true, kept.firm);
+}
+
+template <class T>
+void PivotRecord<T>::mark_others(const out_of_core::OutOfCorePlan& plan, const PivotRule& rule,
+                                 std::vector<char>& fronts) const {
+  const auto mark = [&](std::size_t unit, Index front) {
+    if (!stays(unit, rule)) fronts[static_cast<std::size_t>(front)] = 1;
+  };
+  for (std::size_t s = 0; s < plan.steps.size(); ++s)
+    if (!plan.steps[s].fronts.empty()) mark(s, plan.steps[s].fronts.front());
+  for (std::size_t g = 0; g < plan.groups.size(); ++g) mark(plan.steps.size() + g, plan.groups[g].front);
 }
 
 template <class T>

@@ -30,8 +30,10 @@ class PivotRecord {
   /// @param bytes  those before ScratchPlaces::flags; empty: what it brought last, if that is kept
   void take(std::size_t unit, const ScratchPlaces& at, const Positions& positions, const PivotRule& rule,
             std::span<const std::byte> bytes);
-  /// Whether what a unit brought last is kept, and its pivots would be the same by this rule.
+  /// Whether the pivots that a unit brought last, if any, would be the same by this rule. @pre they are kept
   [[nodiscard]] bool stays(std::size_t unit, const PivotRule& rule) const;
+  /// Marks a front of each unit of the plan for which that is not so. Units: its steps, then its groups.
+  void mark_others(const out_of_core::OutOfCorePlan& plan, const PivotRule& rule, std::vector<char>& fronts) const;
   /// Copies what solves need (ldlt) of these positions from another device.
   void copy_from(const PivotRecord& other, Index begin, Index count);
 
@@ -43,7 +45,7 @@ class PivotRecord {
   [[nodiscard]] const std::vector<T>& inverse_e() const { return inverse_e_; }
 
  private:
-  struct KeptUnit {
+  struct KeptOutputs {
     std::vector<std::byte> bytes;
     PivotLimits<T> limits = {};  // when it was made
     bool firm = false;           // by these: see judged_alike()
@@ -61,7 +63,7 @@ class PivotRecord {
   FactorOutcome outcome_;
   Determinant determinant_;
   bool stopped_ = false;
-  std::vector<KeptUnit> units_;
+  std::vector<KeptOutputs> units_;
   std::vector<T> inverse_d_, inverse_e_;  // n (ldlt), by position
 };
 

@@ -66,4 +66,16 @@ void Resources::make_events(std::vector<cudaEvent_t>& list, std::size_t count, u
   }
 }
 
+Offset free_device_bytes(int device) {
+  int before = 0;
+  call("cudaGetDevice", [&] { return cudaGetDevice(&before); });
+  call("cudaSetDevice", [&] { return cudaSetDevice(device); });
+  std::size_t free = 0, total = 0;
+  const auto e = attempt("cudaMemGetInfo", [&] { return cudaMemGetInfo(&free, &total); });
+  (void)cudaSetDevice(before);
+  check(e, "cudaMemGetInfo");
+  constexpr Offset kReserve = 64 << 20;  // kernels' stacks and the driver's own
+  return std::max<Offset>(0, static_cast<Offset>(free) - kReserve);
+}
+
 }  // namespace espalier::device::cuda
