@@ -12,7 +12,6 @@ namespace {
 class ChangedRows {
   using Edge = PatternChange::Edge;
   static constexpr std::int64_t kFronts = 256;  // per range of a loop
-  static constexpr std::int64_t kOfOneHeight = 8;
 
  public:
   ChangedRows(const FollowedFronts& f, ChangedTree& out, base::ThreadPool& pool)
@@ -43,10 +42,18 @@ class ChangedRows {
     out_.with_pivots = was_;
     for (std::size_t f = 0; f < fronts; ++f)
       if ((touched_[f] & (kPivots | kMoved)) != 0) out_.with_pivots[f] = -1;
-    for (const std::vector<Index>& list : by_height())
-      pool_.for_each_range(static_cast<std::int64_t>(list.size()), kOfOneHeight, [&](std::int64_t b, std::int64_t e) {
-        for (std::int64_t k = b; k < e; ++k) remake(list[at(k)]);
-      });
+    for (const std::vector<Index>& list : by_height()) {
+      constexpr std::int64_t kSome = 8, kMany = 256;
+      const auto all = static_cast<std::int64_t>(list.size());
+      alone_ = all == 1;  // all threads are at its front, most often a large one
+      if (alone_)
+        remake(list.front());
+      else
+        pool_.for_each_range(all, all < kMany ? 1 : kSome, [&](std::int64_t b, std::int64_t e) {
+          for (std::int64_t k = b; k < e; ++k) remake(list[at(k)]);
+        });
+    }
+    alone_ = false;
     t.row_ptr.resize(fronts + 1);
     t.row_ptr[0] = 0;
     for (std::size_t f = 0; f < fronts; ++f)
@@ -96,6 +103,27 @@ class ChangedRows {
     return found;
   }
 
+  // Positions behind the pivots of f, from the next one on; 1: an entry joins it with one of them.
+  [[nodiscard]] std::vector<char> beside_pivots(Index f) const {
+    constexpr std::int64_t kPivots = 64;
+    const AssemblyTree& t = out_.tree;
+    const Index first = t.first[at(f)], last = t.first[at(f) + 1] - 1;
+    std::vector<char> beside(at(t.n - last - 1), 0);
+    const auto look = [&](std::int64_t begin, std::int64_t end) {
+      for (auto k = begin; k < end; ++k)
+        visit_neighbours(t.order[at(first + k)], [&](Index v) {
+          if (position_[at(v)] <= last) return;
+          const std::atomic_ref<char> mark(beside[at(position_[at(v)] - last - 1)]);
+          if (mark.load(std::memory_order_relaxed) == 0) mark.store(1, std::memory_order_relaxed);
+        });
+    };
+    if (alone_)
+      pool_.for_each_range(t.pivots(f), kPivots, look);
+    else
+      look(0, t.pivots(f));
+    return beside;
+  }
+
   // Adds to `rows` those of `more` that lie above `last`; both ascend.
   static void unite(std::vector<Index>& rows, std::span<const Index> more, Index last) {
     more = more.subspan(at(std::upper_bound(more.begin(), more.end(), last) - more.begin()));
@@ -126,12 +154,9 @@ class ChangedRows {
       for (const Index r : candidates)
         if (r > last && has_pivot_beside(f, r)) more.push_back(r);
     } else {
-      for (Index k = t.first[at(f)]; k <= last; ++k)
-        visit_neighbours(t.order[at(k)], [&](Index v) {
-          if (position_[at(v)] > last) more.push_back(position_[at(v)]);
-        });
-      std::sort(more.begin(), more.end());
-      more.erase(std::unique(more.begin(), more.end()), more.end());
+      const std::vector<char> beside = beside_pivots(f);
+      for (const Index r : candidates)
+        if (r > last && beside[at(r - last - 1)] != 0) more.push_back(r);
     }
     unite(rows, more, last);
     return rows;
@@ -187,6 +212,7 @@ class ChangedRows {
   std::vector<Index> children_;
   std::vector<std::vector<Index>> rows_;  // fronts; of those that are known
   std::vector<char> known_, changed_;     // fronts
+  bool alone_ = false;                    // one thread makes one front; the others wait
 };
 
 }  // namespace

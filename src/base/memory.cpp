@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 #include <sys/mman.h>
 
+#include <algorithm>
+#include <bit>
 #include <fstream>
 #include <new>
 
+#include "base/spare_memory.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::base {
@@ -31,12 +34,21 @@ void MemoryBudget::take(std::int64_t bytes) {
   }
 }
 
+// Sixteen sizes between powers of two: a sixteenth of the addresses is not used, and so has no pages.
+std::size_t kept_size(std::size_t bytes) {
+  if (bytes < kHugeFrom) return (bytes + kAlignment - 1) / kAlignment * kAlignment;
+  const std::size_t step = std::max(kHugePage, std::bit_floor(bytes) / 16);
+  return (bytes + step - 1) / step * step;
+}
+
 void* allocate_aligned(std::size_t bytes) {
   const bool huge = bytes >= kHugeFrom;
-  const std::size_t alignment = huge ? kHugePage : kAlignment;
-  const std::size_t rounded = (bytes + alignment - 1) / alignment * alignment;
+  const std::size_t alignment = huge ? kHugePage : kAlignment, rounded = kept_size(bytes);
   if (rounded < bytes)
     throw Error(StatusCode::out_of_memory, "an array of more bytes than a pointer can address was asked for");
+  SpareMemory* const spare = huge ? SpareMemory::current() : nullptr;
+  if (spare != nullptr)
+    if (void* const block = spare->take(rounded)) return block;
   void* p = ::operator new (rounded, std::align_val_t{alignment}, std::nothrow);
   if (p == nullptr)
     throw Error(
@@ -49,6 +61,11 @@ void* allocate_aligned(std::size_t bytes) {
 }
 
 void free_aligned(void* p, std::size_t bytes) noexcept {
+  SpareMemory* const spare = p != nullptr && bytes >= kHugeFrom ? SpareMemory::current() : nullptr;
+  if (spare == nullptr || !spare->keep(p, kept_size(bytes))) give_to_machine(p, bytes);
+}
+
+void give_to_machine(void* p, std::size_t bytes) noexcept {
   ::operator delete (p, std::align_val_t{bytes >= kHugeFrom ? kHugePage : kAlignment});
 }
 

@@ -33,10 +33,15 @@ class MemoryBudget {
   std::atomic<std::int64_t> peak_{0};
 };
 
-/// Takes `bytes` (64-byte aligned, not initialised; transparent huge pages from 4 MiB on) from the machine.
+/// Takes `bytes` (64-byte aligned, not initialised; transparent huge pages from 4 MiB on) from the machine, or, of such
+/// pages, from the thread's SpareMemory.
 /// @throws Error(out_of_memory)
 void* allocate_aligned(std::size_t bytes);
 void free_aligned(void* p, std::size_t bytes) noexcept;
+/// Past the SpareMemory. @param bytes  of the block: kept_size() of those that were asked for
+void give_to_machine(void* p, std::size_t bytes) noexcept;
+/// What an array of so many bytes takes: large ones have one of few sizes, so that others fit in their place.
+std::size_t kept_size(std::size_t bytes);
 
 /// An array of trivially copyable T, 64-byte aligned, not initialised, counted in a budget (may be null).
 template <class T>

@@ -3,11 +3,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <limits>
 #include <thread>
 #include <vector>
 
+#include "base/spare_memory.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::base {
@@ -91,6 +93,54 @@ TEST(FormatBytes, PicksTheUnit) {
   EXPECT_EQ(format_bytes(1023), "1023 B");
   EXPECT_EQ(format_bytes(1536), "1.50 KiB");
   EXPECT_EQ(format_bytes(std::int64_t{3} << 30), "3.00 GiB");
+}
+
+// Truth: the addresses that arrays get.
+TEST(SpareMemory, IsThatOfArraysThatWereGivenBack) {
+  constexpr std::size_t kLarge = std::size_t{5} << 20, kSmall = 1000;
+  SpareMemory spare;
+  spare.set_limit(4 * kLarge);
+  const auto place_of_array = [](std::size_t bytes) {
+    void* const p = allocate_aligned(bytes);
+    free_aligned(p, bytes);
+    return p;
+  };
+  void* first = nullptr;
+  {
+    const SpareMemory::Use use(&spare);
+    first = place_of_array(kLarge);
+    EXPECT_EQ(spare.held(), kept_size(kLarge));
+    (void)place_of_array(kSmall);
+    EXPECT_EQ(spare.held(), kept_size(kLarge)) << "small arrays do not stay";
+    EXPECT_EQ(place_of_array(kLarge), first);
+    EXPECT_EQ(place_of_array(kept_size(kLarge)), first) << "an array that is a little larger";
+    void* const mine = allocate_aligned(kLarge);
+    void* const other = allocate_aligned(kLarge);
+    EXPECT_EQ(mine, first);
+    EXPECT_NE(other, first);
+    EXPECT_EQ(spare.held(), 0U);
+    {
+      const SpareMemory::Use none(nullptr);
+      free_aligned(other, kLarge);
+      EXPECT_EQ(spare.held(), 0U);
+    }
+    free_aligned(mine, kLarge);
+    (void)place_of_array(8 * kLarge);
+    EXPECT_EQ(spare.held(), kept_size(kLarge)) << "what is beyond the limit goes to the machine";
+  }
+  (void)place_of_array(kLarge);
+  EXPECT_EQ(spare.held(), kept_size(kLarge)) << "nobody uses it";
+  spare.set_limit(0);
+  EXPECT_EQ(spare.held(), 0U);
+}
+
+TEST(SpareMemory, SizesAreFewAndLargeEnough) {
+  for (std::size_t bytes = 1; bytes < std::size_t{1} << 36; bytes += 1 + bytes / 7) {
+    const std::size_t kept = kept_size(bytes);
+    ASSERT_GE(kept, bytes);
+    ASSERT_LE(kept, std::max<std::size_t>(bytes + bytes / 16, bytes + (std::size_t{2} << 20)));
+    ASSERT_EQ(kept_size(kept), kept);
+  }
 }
 
 }  // namespace

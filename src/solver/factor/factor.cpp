@@ -88,6 +88,7 @@ void Factor::take_numbers(Left left, FollowedAnalysis::Numbers stay) {
 // What is not there can be made: no error of it is one of the caller's.
 void Factor::follow_numbers() {
   if (!taken_) return;
+  const base::SpareMemory::Use use(context_.spare);
   Taken taken = std::move(*taken_);
   taken_.reset();
   try {

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/memory.hpp"
+#include "base/spare_memory.hpp"
 #include "base/thread_pool.hpp"
 #include "base/timeline.hpp"
 #include "device/registry.hpp"
@@ -23,7 +24,8 @@ struct Context {
   /// The threads of the host, by which plans are made: with ranks the fewest that one of them has, so that all make the
   /// same plan.
   const int* planning_threads = nullptr;
-  bool raised = false;    ///< FP32 does not do, or does not pay: a factor goes on in FP64
+  base::SpareMemory* spare = nullptr;  ///< of analyses that follow each other
+  bool raised = false;                 ///< FP32 does not do, or does not pay: a factor goes on in FP64
   bool rescaled = false;  ///< pivots vanished in the analysis's scaling alone: a factor takes one of its own
 
   void log(const std::string& line) const {

@@ -68,7 +68,7 @@ Session::Session(const Ranks& the_ranks, Options the_options, const device::Regi
       budget("host memory", host_budget(options)),
       timeline(timeline_of(options)),
       planning_threads(pool.size()),
-      context{options, registry, pool, budget, timeline.get(), link(), &planning_threads} {}
+      context{options, registry, pool, budget, timeline.get(), link(), &planning_threads, &spare} {}
 
 Session::Session(const Session& other, int threads)
     : ranks(other.ranks),
@@ -78,7 +78,7 @@ Session::Session(const Session& other, int threads)
       budget("host memory", host_budget(options)),
       timeline(timeline_of(options)),
       planning_threads(pool.size()),
-      context{options, other.context.registry, pool, budget, timeline.get(), link(), &planning_threads},
+      context{options, other.context.registry, pool, budget, timeline.get(), link(), &planning_threads, &spare},
       parts(other.parts),
       gathered(other.gathered),
       rows(other.rows) {
@@ -120,16 +120,21 @@ void Session::agree_on_threads() {
 
 void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border) {
   fresh_.reset();
+  spare.clear();
   factor.reset();
   agree_on_threads();
   open_devices();
   take(solver::analyze(a, context, std::move(border)));
 }
 
-// What fails leaves the analysis and its factor as they are.
+// What fails leaves the analysis and its factor as they are. The arrays of one analysis are used again by the next but
+// one, where no budget counts them.
 ChangeResult Session::analyze_change(const GivenMatrix& a) {
   ChangeResult result;
+  spare.set_limit(budget.limit() > 0 ? 0 : static_cast<std::size_t>(current().bytes()));
+  std::optional<base::SpareMemory::Use> use(&spare);
   FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get(), factor->has_numbers());
+  use.reset();
   if (fresh_ != nullptr && fresh_->done()) fresh_.reset();
   result.added_entries = followed.added;
   result.removed_entries = followed.removed;
@@ -144,15 +149,19 @@ ChangeResult Session::analyze_change(const GivenMatrix& a) {
       "the analysis follows the pattern: {} entries came, {} went, {} unknowns moved into separators, "
       "{} of {} fronts are the same",
       followed.added, followed.removed, followed.moved, followed.kept, followed.made.analysis->plan.fronts()));
-  Factor::Left left = factor->leave_numbers();
+  Factor::Left left = factor->leave_numbers();  // what numbers have taken goes to the machine
+  use.emplace(&spare);
   factor.reset();
   take(std::move(followed.made));
   factor->take_numbers(std::move(left), std::move(followed.numbers));
+  left = {};
+  use.reset();
   watch_drift();
   return result;
 }
 
 ChangeResult Session::analyze_anew(const GivenMatrix& a, ChangeResult result) {
+  spare.clear();
   context.log("the pattern is analyzed anew: " + result.why);
   const bool had_numbers = factor->has_numbers();
   if (link() != nullptr) {

@@ -75,6 +75,7 @@ class Session {
   base::MemoryBudget budget;
   std::unique_ptr<base::Timeline> timeline;
   int planning_threads = 1;  ///< see Context
+  base::SpareMemory spare;   ///< likewise; outlives what lies in it
   const Context context;
   std::future<void> opening;           ///< of devices that the caller has named, beside the first analysis
   std::optional<std::uint64_t> forks;  ///< base::forks() when such a device was used; none: it was not
