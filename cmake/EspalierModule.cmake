@@ -53,7 +53,7 @@ function(espalier_precompile target)
   if(NOT ESPALIER_FROM_SCRATCH OR NOT TARGET ${target})
     return()
   endif()
-  if(ARG_FROM AND ESPALIER_FUZZERS)  # some modules are compiled with what guides the fuzzers, others without it
+  if(ARG_FROM STREQUAL "espalier_base" AND ESPALIER_FUZZERS)  # which is compiled with what guides the fuzzers; others are not
     return()
   endif()
   if(ARG_FROM)

@@ -12,7 +12,7 @@ using Kind = fmi::Variable::Kind;
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
+[[noreturn]] void refuse_input(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
 
 /// The derivative at 0 of numbers that are functions of a way: a central difference of fourth order.
 template <class Numbers>
@@ -59,28 +59,28 @@ void Instance::respond() {
 }
 
 void Instance::expect_model_exchange() const {
-  if (!model_exchange_ || mode_ != Mode::running) refuse("this is for model exchange, after the initialization");
+  if (!model_exchange_ || mode_ != Mode::running) refuse_input("this is for model exchange, after the initialization");
 }
 
 void Instance::set_time(double t) {
   expect_model_exchange();
-  if (!std::isfinite(t)) refuse("the time is no number");
+  if (!std::isfinite(t)) refuse_input("the time is no number");
   current_ = current_ && t == values_[0];
   values_[0] = t;
 }
 
 void Instance::set_states(std::span<const double> x) {
-  if (x.size() != states_.size()) refuse(fmt::format("there are {} states, not {}", states_.size(), x.size()));
+  if (x.size() != states_.size()) refuse_input(fmt::format("there are {} states, not {}", states_.size(), x.size()));
   for (std::size_t k = 0; k < x.size(); ++k) set(static_cast<fmi::ValueReference>(states_[k]), x[k]);
 }
 
 void Instance::get_states(std::span<double> x) {
-  if (x.size() != states_.size()) refuse(fmt::format("there are {} states, not {}", states_.size(), x.size()));
+  if (x.size() != states_.size()) refuse_input(fmt::format("there are {} states, not {}", states_.size(), x.size()));
   for (std::size_t k = 0; k < x.size(); ++k) x[k] = get(static_cast<fmi::ValueReference>(states_[k]));
 }
 
 void Instance::get_derivatives(std::span<double> dx) {
-  if (dx.size() != states_.size()) refuse(fmt::format("there are {} states, not {}", states_.size(), dx.size()));
+  if (dx.size() != states_.size()) refuse_input(fmt::format("there are {} states, not {}", states_.size(), dx.size()));
   for (std::size_t k = 0; k < dx.size(); ++k) dx[k] = get(static_cast<fmi::ValueReference>(derivatives_[k]));
 }
 
@@ -95,7 +95,7 @@ std::vector<Instance::Direction> Instance::directions(std::span<const fmi::Value
     const fmi::Variable& v = variable(knowns[k]);
     const bool state = model_exchange_ && !starting && v.kind == Kind::state;
     if (!state && v.kind != Kind::input && !(v.kind == Kind::parameter && starting))
-      refuse(fmt::format("'{}' is not known here: nothing is differentiated by it", v.name));
+      refuse_input(fmt::format("'{}' is not known here: nothing is differentiated by it", v.name));
     if (seed[k] == 0) continue;
     if (!state || !of_states) {
       if (state) of_states = list.size();
@@ -111,7 +111,7 @@ std::vector<Instance::Direction> Instance::directions(std::span<const fmi::Value
   for (const fmi::ValueReference unknown : unknowns)
     if (const Kind kind = variable(unknown).kind;
         kind != Kind::output && kind != Kind::derivative && !(kind == Kind::state && starting))
-      refuse(fmt::format("'{}' is no output: it is not differentiated", variable(unknown).name));
+      refuse_input(fmt::format("'{}' is no output: it is not differentiated", variable(unknown).name));
   return list;
 }
 
@@ -161,9 +161,9 @@ std::vector<double> Instance::slope_here(const std::vector<double>& along, doubl
 
 void Instance::directional(std::span<const fmi::ValueReference> unknowns, std::span<const fmi::ValueReference> knowns,
                            std::span<const double> seed, std::span<double> sensitivity) {
-  if (mode_ == Mode::instantiated) refuse("there are no derivatives before the initialization");
+  if (mode_ == Mode::instantiated) refuse_input("there are no derivatives before the initialization");
   if (seed.size() != knowns.size() || sensitivity.size() != unknowns.size())
-    refuse("a seed has a number for each known, a sensitivity one for each unknown");
+    refuse_input("a seed has a number for each known, a sensitivity one for each unknown");
   need_run();
   const std::vector<Direction> list = directions(unknowns, knowns, seed);
   std::fill(sensitivity.begin(), sensitivity.end(), 0.0);

@@ -14,10 +14,10 @@ constexpr std::int32_t kDouble = 2;  // type of the numbers: real, double precis
 int form_of(const NamedMatrix& m) { return m.symmetric ? 6 : m.rows == m.columns ? 1 : 2; }
 
 /// Rows of a column between its first and last number that is not 0; {0, 0}: all are.
-struct Span {
+struct FilledRows {
   Index first = 0, count = 0;
 };
-Span filled(const double* column, Index rows) {
+FilledRows filled(const double* column, Index rows) {
   Index first = 0, end = rows;
   while (first < end && column[first] == 0) ++first;
   while (end > first && column[end - 1] == 0) --end;
@@ -62,7 +62,7 @@ std::string output4_binary(std::span<const NamedMatrix> matrices) {
     record.add(head, 4).add(name.data(), name.size()).end(out);
     for (Index c = 0; c < m.columns; ++c) {
       const double* column = m.values + static_cast<std::size_t>(c) * static_cast<std::size_t>(m.rows);
-      const Span part = filled(column, m.rows);
+      const FilledRows part = filled(column, m.rows);
       if (part.count == 0) continue;
       const std::int32_t at[3] = {c + 1, part.first + 1, 2 * part.count};
       record.add(at, 3).add(column + part.first, static_cast<std::size_t>(part.count)).end(out);
@@ -81,7 +81,7 @@ std::string output4_text(std::span<const NamedMatrix> matrices) {
     out += fmt::format("{:8}{:8}{:8}{:8}{:<8}1P,{}E23.16\n", m.columns, m.rows, form_of(m), kDouble, m.name, kPerLine);
     for (Index c = 0; c < m.columns; ++c) {
       const double* column = m.values + static_cast<std::size_t>(c) * static_cast<std::size_t>(m.rows);
-      const Span part = filled(column, m.rows);
+      const FilledRows part = filled(column, m.rows);
       if (part.count == 0) continue;
       out += fmt::format("{:8}{:8}{:8}\n", c + 1, part.first + 1, part.count);  // of text: numbers, not words
       for (Index k = 0; k < part.count; ++k) {
