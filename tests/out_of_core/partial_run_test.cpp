@@ -36,6 +36,15 @@ class OutOfCorePartialRun : public test::OutOfCoreFactorization {
     for (Index f = 0; f < plan_.fronts(); ++f) most = std::max(most, plan_.layout[f].factor_size());
     return most * static_cast<Offset>(sizeof(double)) + 24 * kDiskBlock;
   }
+  static std::vector<HostOutOfCoreOptions> several(int count) {
+    std::vector<HostOutOfCoreOptions> options(static_cast<std::size_t>(count));
+    for (int d = 0; d < count; ++d) {
+      options[static_cast<std::size_t>(d)].device = d;
+      options[static_cast<std::size_t>(d)].devices = count;
+      options[static_cast<std::size_t>(d)].threads = 1 + d % 2;
+    }
+    return options;
+  }
   // Some neighbours in the order of the values, few of them at most times.
   std::vector<double> changed(std::vector<double> values) {
     const auto below = [&](std::size_t n) { return std::uniform_int_distribution<std::size_t>(0, n - 1)(random_); };
@@ -91,12 +100,7 @@ TEST_P(OutOfCorePartialRun, HasTheBitsOfAWholeOne) {
 TEST_P(OutOfCorePartialRun, OnSeveralDevicesHasTheBitsOfAWholeOne) {
   int some = 0;
   for (const int count : {2, 3}) {
-    std::vector<HostOutOfCoreOptions> options(static_cast<std::size_t>(count));
-    for (int d = 0; d < count; ++d) {
-      options[static_cast<std::size_t>(d)].device = d;
-      options[static_cast<std::size_t>(d)].devices = count;
-      options[static_cast<std::size_t>(d)].threads = 1 + d % 2;
-    }
+    const std::vector<HostOutOfCoreOptions> options = several(count);
     const Offset least = floor_of(options);
     for (const Offset window : {Offset{0}, 3 * least_window()}) {
       SCOPED_TRACE(std::to_string(count) + " devices, window " + std::to_string(window));
@@ -158,6 +162,34 @@ TEST_P(OutOfCorePartialRun, AfterAFailureEverythingIsMade) {
     EXPECT_EQ(next.share, 1);
     expect_whole(*executor, *whole, next, values);
   }
+}
+
+// One of two, which the other one waits for.
+TEST_P(OutOfCorePartialRun, AfterOneOfTwoDevicesHasFailedEverythingIsMade) {
+  std::vector<HostOutOfCoreOptions> options = several(2);
+  const Offset least = floor_of(options);
+  auto whole = start({{least + least / 3}, {least}}, options);
+  int failed = 0;
+  for (int after = 0; after < 100; after = 6 * after + 1) {
+    PulledCable cable{after};
+    cable.armed = false;
+    options[1].before_run = std::ref(cable);
+    auto executor = start({{least + least / 3}, {least}}, options);
+    std::vector<double> values = a_.values;
+    (void)executor->factorize(values);
+    cable.armed = true;
+    values.back() *= 1.5;
+    values.front() *= 1.5;
+    const Status s = status_of([&] { (void)executor->factorize_changed(values, a_.values); });
+    cable.armed = false;
+    if (s.ok()) break;
+    ++failed;
+    EXPECT_TRUE(test::says(s, "cable")) << s.message;
+    const FactorOutcome next = executor->factorize_changed(values, values);
+    EXPECT_EQ(next.share, 1);
+    expect_whole(*executor, *whole, next, values);
+  }
+  EXPECT_GT(failed, 0);
 }
 
 // Writes and reads are refused, one in each run, until none is left to be refused.
