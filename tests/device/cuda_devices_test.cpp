@@ -15,8 +15,10 @@
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "device/cuda/tables/device_plan.hpp"
+#include "device/cuda/tables/made_tasks.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 #include "matrix/generators/generate.hpp"
+#include "plan/regions.hpp"
 
 namespace espalier {
 namespace cuda_devices_test {
@@ -40,12 +42,13 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
     plan_with({});
   }
 
-  void plan_with(device::cuda::DeviceTuning tuning) {
+  void plan_with(device::cuda::DeviceTuning tuning, bool keeps = false) {
     tuning.narrow_rows = 300;  // small systems, too, shall have wide fronts
     tuning.stealing = GetParam().stealing;
     tuning.shared_top = GetParam().shared_top;
     auto tree = analysis::build_tree(analysis::graph_of(a_, pool_), {}, pool_);
-    const auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
+    auto options = device::cuda::cuda_plan_options(GetParam().kind, tuning, GetParam().devices);
+    options.keep_contributions = keeps;
     plan_ = plan::make_plan(std::move(tree), a_, {}, options, pool_);
     tables_ = device::cuda::make_device_plan(plan_, GetParam().kind);
   }
@@ -62,19 +65,31 @@ class CudaDevices : public ::testing::TestWithParam<Parameter> {
     return others | 1u << maker;
   }
 
+  // Tasks of these fronts, by device.
+  [[nodiscard]] std::vector<std::vector<FactorTask>> tasks_of(const std::vector<char>& fronts) const {
+    std::vector<std::vector<FactorTask>> lists;
+    for (const auto& of_device : tables_.lists) lists.push_back(device::cuda::tasks_of(of_device, fronts).tasks);
+    return lists;
+  }
+
   // Every device takes its tasks in order; `order` draws who goes on. @returns tasks done
   std::size_t replay(std::mt19937& order, std::vector<int>& stolen_by) {
-    const PlanFlags flags(tables_);
-    const std::size_t devices = tables_.lists.size();
     std::vector<unsigned> known(static_cast<std::size_t>(tables_.flags), 0);
+    return replay(tasks_of(std::vector<char>(tables_.fronts.size(), 1)), order, stolen_by, known);
+  }
+  // @param known  flags; who knows that it is set
+  std::size_t replay(const std::vector<std::vector<FactorTask>>& lists, std::mt19937& order,
+                     std::vector<int>& stolen_by, std::vector<unsigned>& known) {
+    const PlanFlags flags(tables_);
+    const std::size_t devices = lists.size();
     std::vector<std::size_t> next(devices, 0);
     stolen_by.assign(tables_.regions.size(), -1);
     std::size_t done = 0;
     for (std::size_t idle = 0; idle < 64 * devices;) {
       const auto d = static_cast<std::size_t>(order() % devices);
       ++idle;
-      for (auto burst = order() % 200; burst > 0 && next[d] < tables_.lists[d].tasks.size(); --burst) {
-        const FactorTask& t = tables_.lists[d].tasks[next[d]];
+      for (auto burst = order() % 200; burst > 0 && next[d] < lists[d].size(); --burst) {
+        const FactorTask& t = lists[d][next[d]];
         if (t.region >= tables_.first_stealable) {
           int& who = stolen_by[t.region];
           if (who < 0) who = static_cast<int>(d);
@@ -118,6 +133,66 @@ TEST_P(CudaDevices, NobodyWaitsForEver) {
       std::vector<int> stolen_by;
       EXPECT_EQ(replay(order, stolen_by), all) << "seed " << seed << (two_columns ? ", two columns" : "");
     }
+  }
+}
+
+// Fronts that are made again find the others finished, on whatever device, and nobody waits for memory.
+TEST_P(CudaDevices, SomeFrontsCanBeMadeAgain) {
+  if (GetParam().stealing) return;  // kept fronts are where they were
+  plan_with({}, true);
+  EXPECT_TRUE(tables_.waits.empty());
+  std::mt19937 random(7);
+  std::vector<int> stolen_by;
+  std::vector<unsigned> known(static_cast<std::size_t>(tables_.flags), 0);
+  (void)replay(tasks_of(std::vector<char>(tables_.fronts.size(), 1)), random, stolen_by, known);
+  for (int round = 0; round < 40; ++round) {
+    std::vector<char> made(tables_.fronts.size(), 0);
+    for (auto seeds = random() % 4; seeds > 0; --seeds)
+      for (auto f = static_cast<Index>(random() % made.size()); f >= 0; f = plan_.tree.parent[f])
+        made[static_cast<std::size_t>(f)] = 1;
+    std::vector<unsigned> open = known;
+    std::size_t all = 0;
+    for (std::size_t f = 0; f < made.size(); ++f) {
+      if (made[f] == 0) continue;
+      const Front& x = tables_.fronts[f];
+      std::fill_n(open.begin() + x.flag0, x.flags(), 0);
+      all += static_cast<std::size_t>(x.tasks);
+    }
+    EXPECT_EQ(replay(tasks_of(made), random, stolen_by, open), all);
+    EXPECT_EQ(open, known) << "it is as after a whole run";
+  }
+}
+
+// Sub-trees' arrays stay: what one front leaves in its region no other takes.
+TEST_P(CudaDevices, KeptArraysHavePlacesOfTheirOwn) {
+  if (GetParam().stealing) return;
+  plan_with({}, true);
+  std::map<std::int32_t, std::vector<std::pair<std::int64_t, std::int64_t>>> arrays;
+  for (std::size_t k = 0; k < tables_.fronts.size(); ++k) {
+    const Front& f = tables_.fronts[k];
+    if (f.region == 0) continue;
+    const auto add = [&](std::int64_t at, std::int64_t size) {
+      if (size > 0) arrays[f.region].emplace_back(at, at + size);
+    };
+    add(f.factor, f.factor_size());
+    if (GetParam().kind == Kind::lu || (GetParam().kind == Kind::ldlt && f.whole == 0)) add(f.second, f.factor_size());
+    if (plan_.tree.parent[k] < 0 || f.first_place >= 0) continue;
+    add(f.contribution, f.contribution_size());
+    if (GetParam().kind == Kind::lu) add(f.contribution_up, f.contribution_size());
+  }
+  EXPECT_FALSE(arrays.empty());
+  const std::vector<Offset> planned = plan::elements_by_device(plan_);
+  for (auto& [region, list] : arrays) {
+    std::sort(list.begin(), list.end());
+    for (std::size_t k = 0; k + 1 < list.size(); ++k) EXPECT_LE(list[k].second, list[k + 1].first);
+    EXPECT_LE(list.back().second, tables_.regions[static_cast<std::size_t>(region)]);
+  }
+  for (std::size_t d = 0; d < planned.size(); ++d) {
+    Offset own = tables_.regions[0];
+    for (std::size_t r = 1; r < tables_.regions.size(); ++r)
+      if (tables_.region_device[r] == static_cast<int>(d)) own += tables_.regions[r];
+    EXPECT_LE(own, planned[d]);
+    EXPECT_LE(planned[d], own + own / 2 + tables_.place_space[d] * 2) << "what the solver takes it to need";
   }
 }
 

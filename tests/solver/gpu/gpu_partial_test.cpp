@@ -78,6 +78,31 @@ TEST_F(GpuPartial, HasTheBitsOfAWholeOne) {
   }
 }
 
+// Each GPU has a part of the fronts that they share; all are made again where they have to be.
+TEST_F(GpuPartial, OnTwoGpusHasTheBitsOfAWholeOne) {
+  if (!test::has_gpus(2)) GTEST_SKIP() << "there is one GPU";
+  for (const Variant& v : kVariants) {
+    Shares shares;
+    for (unsigned seed = 1; seed <= 2; ++seed)
+      for (const SparseMatrix& a : matrices(v.kind, seed)) {
+        SCOPED_TRACE(std::string(v.name) + ", n = " + std::to_string(a.rows) + ", seed " + std::to_string(seed));
+        Options partial = on_gpu(true), full = on_gpu(false);
+        for (Options* o : {&partial, &full}) {
+          o->device = "gpu:0,1";
+          o->kind = v.kind;
+          o->precision = v.precision;
+          o->max_block_size = v.block;
+          o->rescale = v.rescale;
+        }
+        expect_bits_of_all<Solver>(partial, full, a, seed, 20, &shares);
+        if (testing::Test::HasFailure()) return;
+      }
+    RecordProperty(v.name, shares.some);
+    EXPECT_GT(shares.some, 5) << v.name << ": hardly ever less than everything is made";
+    EXPECT_GT(shares.none, 0) << v.name;
+  }
+}
+
 TEST_F(GpuPartial, OfComplexSystemsToo) {
   for (const auto sort : {test::Sort::symmetric, test::Sort::hermitian, test::Sort::definite, test::Sort::general}) {
     SCOPED_TRACE("sort " + std::to_string(static_cast<int>(sort)));
@@ -203,6 +228,149 @@ TEST_F(GpuPartial, AfterARefusedCallEverythingIsMade) {
     (void)s.solve(b, x);
     (void)whole.solve(b, y);
     ASSERT_TRUE(same_bits(x, y));
+  }
+  EXPECT_GT(refused, 5);
+}
+
+// Such options with a part of the memory that a factor takes in core, from `part` on, with which it goes out of core.
+template <class AnySolver, class Matrix>
+Options in_budget(Options o, const Matrix& a, double part) {
+  o.partial_refactorization = false;
+  AnySolver probe(o);
+  EXPECT_TRUE(probe.analyze(a).status.ok());
+  const Offset whole = probe.factorize(a).devices.front().peak_bytes;
+  o.partial_refactorization = true;
+  for (; part < 1; part *= 1.2) {
+    o.device_memory_bytes = static_cast<Offset>(part * static_cast<double>(whole));
+    AnySolver s(o);
+    if (!s.analyze(a).status.ok()) continue;
+    const auto f = s.factorize(a);
+    if (f.status.ok()) {
+      EXPECT_GT(f.devices.front().streamed_out_bytes, 0) << "in core with " << part << " of what it takes";
+      return o;
+    }
+    EXPECT_EQ(f.status.code, StatusCode::out_of_memory) << f.status.message;
+  }
+  ADD_FAILURE() << "no budget does";
+  return o;
+}
+
+TEST_F(GpuPartial, OutOfCoreHasTheBitsOfAWholeOne) {
+  for (const Variant& v : kVariants) {
+    if (v.precision == Precision::mixed) continue;  // a factor may stay in FP64, for which there is no room
+    BudgetTally tally;
+    for (const double part : {0.15, 0.5}) {
+      const unsigned seed = part < 0.3 ? 1 : 2;
+      for (const SparseMatrix& a : matrices(v.kind, seed)) {
+        SCOPED_TRACE(std::string(v.name) + ", n = " + std::to_string(a.rows) + ", seed " + std::to_string(seed));
+        Options o = on_gpu(true);
+        o.kind = v.kind;
+        o.precision = v.precision;
+        o.max_block_size = v.block;
+        o.rescale = v.rescale;
+        follow_beside_new<Solver>(in_budget<Solver>(o, a, part), a, seed, 4, tally);
+        if (HasFailure()) return;
+      }
+    }
+    RecordProperty(v.name, tally.some);
+    EXPECT_GT(tally.some, 3) << v.name << ": hardly ever less than everything is made";
+    EXPECT_GT(tally.out_of_core, 10) << v.name;
+  }
+}
+
+TEST_F(GpuPartial, OutOfCoreOnTwoGpusHasTheBitsOfAWholeOne) {
+  if (!test::has_gpus(2)) GTEST_SKIP() << "there is one GPU";
+  BudgetTally tally;
+  for (const Kind kind : {Kind::llt, Kind::ldlt, Kind::lu})
+    for (const double part : {0.2, 0.5}) {
+      SCOPED_TRACE("kind " + std::to_string(static_cast<int>(kind)) + ", " + std::to_string(part));
+      Options o = on_gpu(true);
+      o.device = "gpu:0,1";
+      o.kind = kind;
+      const SparseMatrix a = elasticity(10);
+      follow_beside_new<Solver>(in_budget<Solver>(o, a, part), a, 5, 5, tally);
+    }
+  EXPECT_GT(tally.some, 5);
+  EXPECT_GT(tally.out_of_core, 20);
+}
+
+TEST_F(GpuPartial, OutOfCoreOfComplexSystemsToo) {
+  BudgetTally tally;
+  const SparseMatrix gyroscopic =
+      matrix::generate(matrix::parse_generator(std::vector<std::string>{"gyroscopic", "6"}));
+  for (const Storage storage : {Storage::symmetric_lower, Storage::hermitian_lower, Storage::general}) {
+    SCOPED_TRACE("storage " + std::to_string(static_cast<int>(storage)));
+    const ComplexSparseMatrix a = turned(storage == Storage::general ? gyroscopic : elasticity(7), storage);
+    follow_beside_new<ComplexSolver>(in_budget<ComplexSolver>(on_gpu(true), a, 0.3), a, 3, 8, tally);
+  }
+  EXPECT_GT(tally.some, 3);
+  EXPECT_GT(tally.out_of_core, 10);
+}
+
+// The store is larger than a page-locked block, so what is brought may lie in two of them.
+TEST_F(GpuPartial, OutOfCoreMakesWhatValuesReach) {
+  const SparseMatrix a = elasticity(22);
+  const Options o = in_budget<Solver>(on_gpu(true), a, 0.3);
+  Solver s(o), fresh(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  const double all = s.factorize(a).seconds;
+  EXPECT_EQ(s.factorize(a).work_share, 0) << "nothing has changed";
+  std::vector<double> values = a.values;
+  values.front() *= 1.25;
+  const FactorResult one = s.refactorize(values);
+  ASSERT_TRUE(one.status.ok()) << one.status.message;
+  EXPECT_GT(one.work_share, 0);
+  EXPECT_LT(one.work_share, 0.8) << "the units from one entry to the root";
+  for (std::size_t k = 1; k <= 12; ++k) {
+    values[k * (values.size() / 13)] *= 1.01;
+    const FactorResult f = s.refactorize(values);
+    ASSERT_TRUE(f.status.ok()) << f.status.message;
+  }
+  ASSERT_TRUE(fresh.analyze(a).status.ok());
+  ASSERT_TRUE(fresh.refactorize(values).status.ok());
+  const std::vector<double> b = reference::random_vector(a.rows, 4);
+  std::vector<double> x(b.size()), y(b.size());
+  ASSERT_TRUE(s.solve(b, x).status.ok());
+  ASSERT_TRUE(fresh.solve(b, y).status.ok());
+  EXPECT_TRUE(same_bits(x, y));
+  RecordProperty("seconds", std::to_string(all) + ", " + std::to_string(one.seconds));
+}
+
+// A call that is refused in the middle of a run that makes a part.
+TEST_F(GpuPartial, OutOfCoreAfterARefusedCallEverythingIsMade) {
+  const SparseMatrix a = elasticity(8);
+  const Options o = in_budget<Solver>(on_gpu(true), a, 0.4);
+  const std::vector<double> b = reference::random_vector(a.rows, 4);
+  std::vector<double> x(b.size()), y(b.size()), values = a.values;
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  auto& faults = device::cuda::call_faults();
+  int refused = 0;
+  for (int call = 1;; call += call < 40 ? 3 : 23) {
+    SCOPED_TRACE(call);
+    ASSERT_LT(call, 4000);
+    values[static_cast<std::size_t>(5 * call) % values.size()] *= 1.01;
+    faults.arm(call);
+    const FactorResult f = s.refactorize(values);
+    const bool done = faults.refused == nullptr;
+    faults.arm(0);
+    if (!done) {
+      ++refused;
+      if (!f.status.ok()) {
+        EXPECT_NE(s.state(), Solver::State::factorized) << "the old factor is not called valid";
+        const FactorResult again = s.refactorize(values);
+        ASSERT_TRUE(again.status.ok()) << again.status.message;
+        EXPECT_EQ(again.work_share, 1);
+      }
+    }
+    Solver whole(o);
+    ASSERT_TRUE(whole.analyze(a).status.ok());
+    ASSERT_TRUE(whole.refactorize(values).status.ok());
+    ASSERT_TRUE(s.solve(b, x).status.ok());
+    ASSERT_TRUE(whole.solve(b, y).status.ok());
+    ASSERT_TRUE(same_bits(x, y));
+    if (done) break;
   }
   EXPECT_GT(refused, 5);
 }

@@ -107,10 +107,11 @@ class DeviceSide {
   /// The same in two steps; the second changes what the first has made.
   void enqueue_tasks(bool first_half_only = false);
   void enqueue_inverses();
-  /// The fronts (not 0) that enqueue_part() makes. @pre the plan keeps contributions, and this is the only GPU
+  /// The fronts (not 0) that enqueue_part() makes. @pre the plan keeps contributions
   void choose_part(std::span<const char> made);
   /// In place of enqueue_begin() and enqueue_factor(): makes these, where all others are as a whole factorization has
-  /// left them, with sound pivots.
+  /// left them, with sound pivots. Between the two steps all sides wait for each other.
+  void enqueue_renewal();
   void enqueue_part();
   /// Elements of the arena: plans that are changed go on in it (plan::elements_with_room()).
   [[nodiscard]] Offset arena_elements() const { return top_.size(); }

@@ -30,7 +30,7 @@ void DeviceSide<T>::choose_part(std::span<const char> made) {
 }
 
 template <class T>
-void DeviceSide<T>::enqueue_part() {
+void DeviceSide<T>::enqueue_renewal() {
   const auto clear = [&](void* from, std::size_t bytes) {
     call("cudaMemsetAsync", [&] { return cudaMemsetAsync(from, 0, bytes, stream_.get()); });
   };
@@ -45,8 +45,13 @@ void DeviceSide<T>::enqueue_part() {
                              state_.finished,
                              control_.data(),
                              context_.kind == Kind::ldlt ? pivots_ : nullptr,
-                             static_cast<Index>(n())};
+                             static_cast<Index>(n()),
+                             self_};
   call("launch of the kernel that opens fronts again", [&] { return launch_renewal(job, stream_.get()); });
+}
+
+template <class T>
+void DeviceSide<T>::enqueue_part() {
   FactorState<T> state = state_;
   state.tasks = part_.tasks.data();
   launch_tasks(state, part_.narrow_end, part_.end);

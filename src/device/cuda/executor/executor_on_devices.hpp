@@ -19,8 +19,8 @@
 namespace espalier::device::cuda {
 
 /// One GPU or several. With one, a graph clears what the kernels need clear, and runs them. With several, a side may
-/// write to another one as soon as its kernels run, so everything is cleared after a run, when all have finished, and
-/// the next run begins when all are clear.
+/// write to another one as soon as its kernels run, so everything is cleared between runs, when all have finished:
+/// after a run, or, where the next one may go on from it, before that one. It begins when all are clear.
 template <class T>
 class ExecutorOnDevices final : public CudaExecutor<T> {
   using Side = DeviceSide<T>;
@@ -162,9 +162,10 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   // ---- runs --------------------------------------------------------------------------------------------------------
 
   // Launches on every side and waits for all; then finish() and clear(), which the next run needs. What goes wrong on
-  // one ends the others. clean: whether what clear() clears is so; a run that failed leaves it to the next one.
+  // one ends the others. clean: whether what clear() clears is so; a run that failed leaves it to the next one, and so
+  // does one that stays.
   template <class Launch, class Finish, class Clear>
-  double run_on_all(bool& clean, Launch&& launch, Finish&& finish, Clear&& clear) {
+  double run_on_all(bool& clean, bool stays, Launch&& launch, Finish&& finish, Clear&& clear) {
     if (!clean) clear();
     clean = false;
     const double start = base::now_seconds();
@@ -202,6 +203,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     if (!what.empty()) throw Error(StatusCode::device_error, what);
     finish();
     const double seconds = base::now_seconds() - start;
+    if (stays) return seconds;
     clear();
     clean = true;
     return seconds;
@@ -212,7 +214,8 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     double seconds = 0;
     const double start = base::now_seconds();
     run_on_all(
-        factor_clean_, [&](Side& s) { graphs.sides[static_cast<std::size_t>(s.self())].launch(s.stream().get()); },
+        factor_clean_, plan_.options.keep_contributions,
+        [&](Side& s) { graphs.sides[static_cast<std::size_t>(s.self())].launch(s.stream().get()); },
         [&] {
           at(first(), [&] {
             graphs.judge.launch(first().stream().get());
@@ -242,6 +245,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
   // Runs the tasks of the fronts that are not 0, and of those that have to be made. @pre goes_on(), and judges_alike()
   // by the limits that are set
   FactorOutcome run_part(const FilledValues& values, std::span<const char> reached);
+  void run_part_on_all(const FilledValues& values, FactorOutcome& out, SideFlags& flags);
   // Whether all fronts are finished, or those of made_, without a failure, and stay until a next run.
   [[nodiscard]] bool goes_on() const;
   // Whether a factorization of these goes on from the last one, which was of others where the plan has changed.

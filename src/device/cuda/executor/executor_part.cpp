@@ -1,9 +1,10 @@
-// Factorizations of one GPU that make some fronts again and keep the others.
+// Factorizations that make some fronts again and keep the others.
 #include <algorithm>
 #include <cmath>
 #include <vector>
 
 #include "device/cuda/executor/executor_on_devices.hpp"
+#include "device/cuda/kernels/factor/pivot_limits.hpp"
 #include "plan/reached_fronts.hpp"
 
 namespace espalier::device::cuda {
@@ -33,33 +34,28 @@ std::optional<FactorOutcome> ExecutorOnDevices<T>::factorize_part(const FilledVa
   const PivotLimits<T> limits = limits_of_filled(largest);
   if (!judges_alike(limits)) return factorize_filled(values);
   limits_known_ = false;
-  at(first(), [&] { first().set_limits(limits); });
+  for (const auto& side : sides_) at(*side, [&] { side->set_limits(limits); });
   return run_part(values, reached);
 }
 
 template <class T>
 bool ExecutorOnDevices<T>::goes_on() const {
-  return plan_.options.keep_contributions && !several() && last_.sound && options_.timeline == nullptr;
+  return plan_.options.keep_contributions && last_.sound && options_.timeline == nullptr;
 }
 
 // Whether pivots of kept fronts, of which none failed, would be the same by these limits.
 template <class T>
 bool ExecutorOnDevices<T>::judges_alike(const PivotLimits<T>& now) const {
-  const PivotLimits<T>& was = last_.of_all;
-  if (now[1] != was[1]) return false;
-  if (!base::keeps_fp64<T> && std::ilogb(now[3]) != std::ilogb(was[3])) return false;  // see HalfScales
-  if (kind_ == Kind::llt || (now[0] == was[0] && !last_.varied)) return true;
-  constexpr int kRange = 2, kFar = 8;  // kNearTiny is farther
-  const bool close = now[0] <= kRange * was[0] && was[0] <= kRange * now[0];
-  return close && !last_.near && last_.least >= kFar * was[0];
+  const bool firm = !last_.near && last_.least >= kFarFromTiny * last_.of_all[0];
+  return judged_alike<T>(kind_, last_.of_all, now, !last_.varied, firm);
 }
 
 template <class T>
 void ExecutorOnDevices<T>::note_run(const FactorOutcome& out, const SideFlags& flags, const PivotLimits<T>& limits,
                                     bool all) {
-  if (several()) return;
   const FactorEnd& end = first().factor_end();
-  const bool near = end.counters[kNear] != 0;
+  const bool near =
+      std::any_of(sides_.begin(), sides_.end(), [&](const auto& side) { return counters_of(*side)[kNear] != 0; });
   if (all)
     last_ = {false, near, false, limits, T(0)};
   else
@@ -77,14 +73,18 @@ FactorOutcome ExecutorOnDevices<T>::run_part(const FilledValues& values, std::sp
   last_.sound = false;
   SideFlags flags;
   FactorOutcome out;
-  at(first(), [&] {
-    first().choose_part(made);
-    first().enqueue_part();
-    first().enqueue_judge(values, addresses(), nullptr);
-    first().stream().wait();
-  });
+  for (const auto& side : sides_) at(*side, [&] { side->choose_part(made); });
+  if (several())
+    run_part_on_all(values, out, flags);
+  else
+    at(first(), [&] {
+      first().enqueue_renewal();
+      first().enqueue_part();
+      first().enqueue_judge(values, addresses(), nullptr);
+      first().stream().wait();
+    });
   out.seconds = base::now_seconds() - began;
-  read_counters(out, flags);
+  if (!several()) read_counters(out, flags);
   if (context_.pair_sign != 0 && flags.replaced) return run(filled);  // a whole one makes no pairs then
   read_marks(out, flags);
   finish_run(filled, flags, out);
@@ -92,6 +92,29 @@ FactorOutcome ExecutorOnDevices<T>::run_part(const FilledValues& values, std::sp
   made_.clear();
   out.share = plan::share_of_work(plan_, made);
   return out;
+}
+
+template <class T>
+void ExecutorOnDevices<T>::run_part_on_all(const FilledValues& values, FactorOutcome& out, SideFlags& flags) {
+  if (common_.top != nullptr) send_values();
+  bool open = false;  // what is to be made
+  run_on_all(
+      open, true,
+      [&](Side& side) {
+        if (peers_) side.enqueue_take(first(), {});
+        side.enqueue_part();
+        side.enqueue_counters();
+      },
+      [&] {
+        at(first(), [&] {
+          first().enqueue_judge(values, addresses(), owner_.data());
+          first().stream().wait();
+        });
+        read_counters(out, flags);
+      },
+      [&] {
+        for (const auto& side : sides_) at(*side, [&] { side->enqueue_renewal(); });
+      });
 }
 
 template class ExecutorOnDevices<double>;

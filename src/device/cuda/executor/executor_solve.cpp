@@ -128,7 +128,7 @@ double ExecutorOnDevices<T>::solve_on_all(T* x, Index columns, bool transpose) {
   double seconds = 0;
   for (Index c = 0; c < columns; c += at_once_)
     seconds += run_on_all(
-        solve_clean_,
+        solve_clean_, false,
         [&](Side& side) {
           T* mine = side_rhs_[static_cast<std::size_t>(side.self())].data();
           T* result = common_.updates != nullptr ? mine : x;

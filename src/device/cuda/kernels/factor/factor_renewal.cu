@@ -34,7 +34,7 @@ __global__ void __launch_bounds__(kThreadsOfBlock) renewal_kernel(const FactorRe
       for (int part = 0; part < job.parts; ++part)
         for (std::int64_t k = lane; k < front.flags(); k += 32) job.flags[part * job.part_flags + front.flag0 + k] = 0;
       if (lane == 0) job.finished[f] = 0;
-    } else if (job.pivots != nullptr) {
+    } else if (job.pivots != nullptr && __ffs(front.members) - 1 == job.self) {
       for (Index k = front.position + lane; k < front.position + front.pivots; k += 32) {
         const PivotCounts more = counts_of(job, k, front.position);
         mine.negative += more.negative;

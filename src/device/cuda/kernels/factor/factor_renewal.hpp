@@ -1,6 +1,6 @@
 /// \file
 /// What stands before the tasks of a factorization that makes some fronts alone: these become open again, the others
-/// stay finished, and the counts of their pivots are taken from D. One GPU. As plain C++.
+/// stay finished, and the counts of their pivots are taken from D. As plain C++.
 #pragma once
 
 #include <cuda_runtime_api.h>
@@ -10,8 +10,9 @@
 
 namespace espalier::device::cuda {
 
-/// Pointers are device memory. @pre all fronts are finished, and none of their pivots was replaced; the counters are
-/// zero
+/// Pointers are memory that the device reaches. Of several GPUs each opens the fronts in its own flags, and counts
+/// those of which it is the first member. @pre all fronts are finished, and none of their pivots was replaced; the
+/// counters are zero
 template <class T>
 struct FactorRenewal {
   const Front* fronts;
@@ -24,6 +25,7 @@ struct FactorRenewal {
   int* control;     ///< counters
   const T* pivots;  ///< n, then D^-1 as in FactorState (ldlt); null: nothing is counted
   Index n;
+  int self;  ///< the GPU's number among those of the plan
 };
 
 template <class T>
