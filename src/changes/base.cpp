@@ -114,6 +114,24 @@ void Base<T>::gather(const T* y, std::span<const Offset> places, T* to) const {
 }
 
 template <class T>
+void Base<T>::copy(const T* from, T* to) const {
+  if constexpr (kParts == 1) return space().copy(from, to);
+  std::copy_n(from, order(), to);
+}
+
+template <class T>
+std::vector<double> Base<T>::largest(const std::vector<const T*>& vectors) const {
+  std::vector<double> found(vectors.size(), 0.0);
+  if constexpr (kParts == 1)
+    space().largest(vectors, found);
+  else
+    for (std::size_t k = 0; k < vectors.size(); ++k)
+      for (Index i = 0; i < order() && !std::isnan(found[k]); ++i)
+        if (const double size = std::abs(vectors[k][i]); !(size <= found[k])) found[k] = size;
+  return found;
+}
+
+template <class T>
 void Base<T>::add(const T* from, T* to) const {
   (void)space().add(parts(from), parts(to));
 }
@@ -148,7 +166,9 @@ std::vector<double> Base<T>::residual(const std::vector<Residual>& columns, bool
     list.push_back({parts(c.b), parts(c.x), parts(c.r), {}});
   }
   space().compute(list, turned);
-  for (const Residual& c : columns) conjugate(c.r);
+  for (const Residual& c : columns) {
+    for (T* const v : {c.b, c.x, c.r}) conjugate(v);
+  }
   std::vector<double> errors;
   for (const device::ResidualColumn& c : list) errors.push_back(c.error.normwise);
   return errors;

@@ -71,12 +71,15 @@ class Base {
   [[nodiscard]] std::shared_ptr<T[]> memory(Index columns) const;
   void send(T* to, const T* from, Index columns) const;
   void fetch(T* to, const T* from, Index columns) const;
-  /// See device::ResidualSpace, for these and the three below.
+  /// See device::ResidualSpace, for these and the four below.
   void scatter(std::span<const Offset> places, std::span<const T> values, T* y, Index cleared) const;
   void gather(const T* y, std::span<const Offset> places, T* to) const;
+  void copy(const T* from, T* to) const;
   void add(const T* from, T* to) const;
   void add_columns(const T* z, std::span<const T> factors, T* y) const;
-  /// r = b - A x, or b - A^T x, there, each of order() numbers. If `turned`, b and x may be others afterwards.
+  /// The largest magnitude in each of some vectors there; NaN where one is.
+  [[nodiscard]] std::vector<double> largest(const std::vector<const T*>& vectors) const;
+  /// r = b - A x, or b - A^T x, there, each of order() numbers. While it runs, b and x may be others.
   struct Residual {
     T *b, *x, *r;
   };

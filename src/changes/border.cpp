@@ -80,6 +80,7 @@ typename Border<T>::Member Border<T>::make(const Base<T>& base, Index entity) co
   if (m.slack) {
     m.column.push(entity, 1);
     m.row.push(entity, 1);
+    m.mirrors = true;
     return m;
   }
   const ChangedMatrix<T>& a = *matrix_;
@@ -105,6 +106,7 @@ typename Border<T>::Member Border<T>::make(const Base<T>& base, Index entity) co
     if (const T v = a.item(later).row.at(entity); v != T(0)) m.column.push(later, v);
     if (const T v = a.item(later).column.at(entity); v != T(0)) m.row.push(later, v);
   }
+  m.mirrors = m.row == m.column.mirrored(base.hermitian());
   return m;
 }
 
@@ -204,26 +206,35 @@ void Border<T>::keep_few() {
   members_ = std::move(kept);
 }
 
-// New members with their products.
+// New members with their products. Of a symmetric A and rows that mirror their columns, W A^-1 U is symmetric, too: of
+// new rows and columns that are there nothing need be asked for.
 template <class T>
 void Border<T>::take(const Base<T>& base, std::vector<Member> made) {
   const auto before = static_cast<Eigen::Index>(members_.size()), more = static_cast<Eigen::Index>(made.size());
-  std::vector<const SparseVector<T>*> old_rows, new_rows;
-  for (const Member& m : members_) old_rows.push_back(&m.row);
+  std::vector<const SparseVector<T>*> rows, new_rows;
+  for (const Member& m : members_) rows.push_back(&m.row);
   for (const Member& m : made) new_rows.push_back(&m.row);
+  rows.insert(rows.end(), new_rows.begin(), new_rows.end());
   Matrix all(before + more, before + more);
   all.topLeftCorner(before, before) = products_;
-  const auto fill = [&](const std::vector<Member>& of, Eigen::Index first, bool with_old) {
+  const auto multiply = [&](const std::vector<Member>& of, const std::vector<const SparseVector<T>*>& by,
+                            Eigen::Index first_row, Eigen::Index first_column) {
     for_each_run(of, [&](std::size_t begin, std::size_t end) {
       const T* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
       const auto count = static_cast<Index>(end - begin);
-      const Eigen::Index column = first + static_cast<Eigen::Index>(begin);
-      if (with_old && before > 0) all.block(0, column, before, count) = products_of(base, old_rows, z, count);
-      all.block(before, column, more, count) = products_of(base, new_rows, z, count);
+      all.block(first_row, first_column + static_cast<Eigen::Index>(begin), static_cast<Eigen::Index>(by.size()),
+                count) = products_of(base, by, z, count);
     });
   };
-  fill(members_, 0, false);
-  fill(made, before, true);
+  multiply(made, rows, 0, before);
+  const auto mirrors = [](const Member& m) { return m.mirrors; };
+  if (base.symmetric() && std::all_of(members_.begin(), members_.end(), mirrors) &&
+      std::all_of(made.begin(), made.end(), mirrors)) {
+    const Matrix corner = all.topRightCorner(before, more);
+    all.bottomLeftCorner(more, before) = base.hermitian() ? Matrix(corner.adjoint()) : Matrix(corner.transpose());
+  } else {
+    multiply(members_, new_rows, before, 0);
+  }
   products_ = std::move(all);
   members_.insert(members_.end(), std::make_move_iterator(made.begin()), std::make_move_iterator(made.end()));
 }

@@ -42,6 +42,7 @@ class Border {
     std::shared_ptr<T[]> block;  ///< of A^-1 U, several columns
     Index place;                 ///< in the block
     bool refined = false;
+    bool mirrors = false;  ///< W is U^T, or U^H of a Hermitian base
 
     /// The column of the border; that of the transposed system, if `turned`.
     [[nodiscard]] const SparseVector<T>& column_of(bool turned) const { return turned ? row : column; }

@@ -54,10 +54,28 @@ class System {
   void update();
   void factorize_changed();
   void back_to_original();
+  // Vectors over the entities that count: of those that the base has in its memory, one after another, where others are
+  // zero; of active members of the border that are no slacks on the host.
+  struct Vectors {
+    T* inside = nullptr;
+    Matrix around;  // active members x columns
+  };
   // `turned`: of the transposed matrix, where that is no matter of conjugates.
-  void solve_block(const T* b, T* x, Index columns, bool turned, bool conjugate, SolveResult& result);
-  [[nodiscard]] Matrix residual(const Matrix& b, Matrix& x, bool turned);
-  [[nodiscard]] Matrix substitute(const Matrix& r, bool turned);
+  void solve_block(const T* given, T* to, Index columns, bool turned, bool conjugate, SolveResult& result);
+  [[nodiscard]] Vectors send(const T* given, Index columns, bool conjugate);
+  void fetch(const Vectors& x, T* to, Index columns, bool conjugate);
+  [[nodiscard]] Vectors residual(const Vectors& b, Vectors& x, T* rest, bool turned);
+  [[nodiscard]] Vectors substitute(const Vectors& r, T* to, bool turned);
+  struct Entries {
+    std::vector<Offset> places;  // column after column, in each ascending
+    std::vector<T> values;
+  };
+  Entries take_from(T* v, const Matrix& t, bool turned, bool with_slacks);
+  void set_auxiliary(Vectors& x, bool turned);
+  void clear_silent(T* v, Index columns);
+  [[nodiscard]] Eigen::Index place_around(Index entity) const;
+  [[nodiscard]] std::vector<double> errors_of(const Vectors& r, const Vectors& x, const std::vector<double>& given,
+                                              bool turned);
   [[nodiscard]] double norm(bool turned);
 
   SolverOf<T>* solver_;
@@ -71,6 +89,7 @@ class System {
   std::vector<Index> outside_;  // that the base does not have
   RowNorm<T> row_norm_;
   std::optional<double> norms_[2];  // of the matrix, of its transpose
+  Matrix staged_;                   // what a solve sends and fetches, by entities of the base
   bool updated_ = false;            // the border is that of the matrix
   bool stale_ = true;               // the matrix has changed since prepare()
   bool folds_ = true;

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -68,6 +69,14 @@ class ResidualSpace {
   /// to[k] = y[places[k]], to memory of the host. Waits.
   virtual void gather(const double* y, std::span<const Offset> places, double* to) const {
     for (std::size_t k = 0; k < places.size(); ++k) to[k] = y[places[k]];
+  }
+  /// The largest magnitude in each of some vectors, to memory of the host; NaN where one is. Waits.
+  virtual void largest(std::span<const double* const> vectors, std::span<double> found) const {
+    for (std::size_t k = 0; k < vectors.size(); ++k) {
+      found[k] = 0;
+      for (Index i = 0; i < size() && !std::isnan(found[k]); ++i)
+        if (const double magnitude = std::abs(vectors[k][i]); !(magnitude <= found[k])) found[k] = magnitude;
+    }
   }
   /// y += sum_k factors[k] z_k of vectors that stand one after another, added in their order. May be under way on
   /// return.

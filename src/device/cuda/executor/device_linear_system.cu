@@ -51,6 +51,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
         guard_(device),
         ends_(kGroups),
         dot_(1),
+        magnitudes_(kLargestVectors),
         aborted_(1),
         link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{doubles_})) {
     guard_.leave();
@@ -291,6 +292,25 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     pending_ = true;
     enqueue_added_columns(doubles_, z, factors, y, stream());
   }
+  void largest(std::span<const double* const> vectors, std::span<double> found) const override {
+    static_assert(kLargestVectors <= kResidualNumbers);
+    const DeviceGuard guard(device_);
+    const auto blocks = std::min(blocks_for(doubles_), 256U);
+    for (std::size_t first = 0; first < vectors.size(); first += kLargestVectors) {
+      const auto some = vectors.subspan(first, std::min<std::size_t>(kLargestVectors, vectors.size() - first));
+      LargestJob job{doubles_, {}, memory_.maxima()};
+      std::copy(some.begin(), some.end(), job.of);
+      pending_ = true;
+      largest_kernel<<<dim3(blocks, static_cast<unsigned>(some.size())), kSystemThreads, 0, stream()>>>(job);
+      call("launch of the kernel of largest magnitudes", [&] { return cudaGetLastError(); });
+      call("cudaMemcpyAsync(magnitudes)", [&] {
+        return cudaMemcpyAsync(magnitudes_.data(), job.found, some.size_bytes(), cudaMemcpyDeviceToHost, stream());
+      });
+      call("cudaMemsetAsync", [&] { return cudaMemsetAsync(job.found, 0, some.size_bytes(), stream()); });
+      wait_for_vectors();
+      std::copy_n(magnitudes_.data(), some.size(), found.begin() + static_cast<std::ptrdiff_t>(first));
+    }
+  }
   double* right_hand_sides(Index columns) override { return grown(right_hand_sides_, columns); }
   double* solutions(Index columns) override { return grown(solutions_, columns); }
 
@@ -456,6 +476,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   ConstructionGuard guard_;
   mutable PinnedArray<ResidualEnd> ends_;
   mutable PinnedArray<DotEnd> dot_;
+  PinnedArray<double> magnitudes_;
   mutable PartResiduals parts_;
   mutable VectorEntries entries_;
   PinnedArray<int> aborted_;

@@ -48,6 +48,30 @@ __global__ void get_entries_kernel(Offset count, const Offset* places, const dou
   if (k < count) values[k] = y[places[k]];
 }
 
+constexpr int kLargestVectors = 32;  ///< in one pass
+
+struct LargestJob {
+  Index n;
+  const double* of[kLargestVectors];
+  unsigned long long* found;  ///< zero before; the bits of magnitudes rise with them, and those of NaN are above all
+};
+
+/// The largest magnitude of vector blockIdx.y.
+__global__ void __launch_bounds__(kSystemThreads) largest_kernel(const LargestJob job) {
+  const double* x = job.of[blockIdx.y];
+  unsigned long long most = 0;
+  const Offset step = static_cast<Offset>(gridDim.x) * kSystemThreads;
+  for (Offset i = static_cast<Offset>(blockIdx.x) * kSystemThreads + threadIdx.x; i < job.n; i += step) {
+    const auto bits = static_cast<unsigned long long>(__double_as_longlong(fabs(x[i])));
+    most = bits > most ? bits : most;
+  }
+  for (int d = 16; d > 0; d /= 2) {
+    const unsigned long long other = __shfl_xor_sync(0xffffffffu, most, d);
+    most = other > most ? other : most;
+  }
+  if (threadIdx.x % 32 == 0 && most != 0) atomicMax(job.found + blockIdx.y, most);
+}
+
 /// What the host reads after a scalar product: pinned memory that the GPU writes.
 struct DotEnd {
   double sum;
