@@ -109,7 +109,7 @@ class ChangedRows {
     const AssemblyTree& t = out_.tree;
     const Index first = t.first[at(f)], last = t.first[at(f) + 1] - 1;
     std::vector<char> beside(at(t.n - last - 1), 0);
-    const auto look = [&](std::int64_t begin, std::int64_t end) {
+    const auto mark_neighbours = [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k)
         visit_neighbours(t.order[at(first + k)], [&](Index v) {
           if (position_[at(v)] <= last) return;
@@ -118,9 +118,9 @@ class ChangedRows {
         });
     };
     if (alone_)
-      pool_.for_each_range(t.pivots(f), kPivots, look);
+      pool_.for_each_range(t.pivots(f), kPivots, mark_neighbours);
     else
-      look(0, t.pivots(f));
+      mark_neighbours(0, t.pivots(f));
     return beside;
   }
 

@@ -35,7 +35,7 @@ class SpareMemory {
   [[nodiscard]] std::size_t held() const { return held_; }
   void clear() noexcept;
 
-  /// Of the thread that calls; null: none is used.
+  /// The spare memory of the thread that calls; null: none is used.
   [[nodiscard]] static SpareMemory* current();
   /// A block of so many bytes; null: there is none.
   [[nodiscard]] void* take(std::size_t bytes);

@@ -27,8 +27,8 @@ double sweep_work(const Base<T>& base, Index columns) {
 template <class T>
 double factorization_work(const Base<T>& base, bool same_pattern) {
   constexpr double kCall = 2e5, kEntry = 20, kAnalysis = 1000;  // of a call; an entry: copied, analyzed
-  // Of a device: made on the host, compared, sent. 57 to 68 ms for 3.8 to 4.2 million entries beside an H200, on which
-  // a millisecond of sweeps is 6e9 of these operations.
+  // The entries of a device are made on the host, compared and sent: 57 to 68 ms for 3.8 to 4.2 million entries beside
+  // an H200, on which a millisecond of sweeps is 6e9 of these operations.
   constexpr double kSentEntry = 4e4;
   const bool sent = base.session().current().device.backend->limits().own_memory;
   return base.session().analysis.flops + kCall +

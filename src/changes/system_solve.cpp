@@ -134,7 +134,7 @@ void System<T>::set_auxiliary(Vectors& x, bool turned) {
   base().scatter(own, values, x.inside, 0);
 }
 
-// Of the unknowns that count. Those of low rank are told to x.
+// The residual of the unknowns that count; x is told those of low rank.
 template <class T>
 typename System<T>::Vectors System<T>::residual(const Vectors& b, Vectors& x, T* rest, bool turned) {
   const auto columns = static_cast<Index>(x.around.cols());

@@ -29,13 +29,13 @@ std::vector<T> pivots_of_now(const plan::Plan& plan, const plan::Plan& before, c
 
 }  // namespace
 
-// Of the sides before nothing but the arena and the pivots is of use: what else they hold goes before the new ones
+// Nothing but the arena and the pivots of the sides before is of use: what else they hold goes before the new ones
 // take theirs.
 template <class T>
 std::unique_ptr<Executor<T>> ExecutorOnDevices<T>::with_changed_plan(const plan::Plan& plan,
                                                                      const plan::FrontsBefore& before) {
-  const bool can = before.of_pattern && !several() && goes_on() && plan.options.keep_contributions && plan.tree.n == plan_.tree.n &&
-                   plan.memory.size <= first().arena_elements();
+  const bool can = before.of_pattern && !several() && goes_on() && plan.options.keep_contributions &&
+                   plan.tree.n == plan_.tree.n && plan.memory.size <= first().arena_elements();
   if (!can) return nullptr;
   std::vector<T> pivots;
   DeviceArray<T> arena;
