@@ -5,7 +5,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <memory>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "analysis/lazy_vector.hpp"
@@ -21,24 +23,10 @@ class Columns {
   /// @param rows  of A, one for each column of A^-1
   Columns(solver::Session& session, std::span<const Index> rows)
       : session_(&session), n_(static_cast<std::size_t>(session.current().n())), count_(rows.size()) {
-    Vectors b(n_ * count_), r(n_ * count_), d(n_ * count_);
     x_.resize(n_ * count_);
-    over_columns([&](std::size_t c, std::size_t begin, std::size_t end) {
-      std::fill(b.begin() + place(c, begin), b.begin() + place(c, end), Value(0));
-    });
-    for (std::size_t c = 0; c < count_; ++c) b[c * n_ + static_cast<std::size_t>(rows[c])] = 1;
-    solve(b, x_);
     largest_.assign(count_, 0);
     error_.assign(count_, kUnknown);
-    std::vector<double> before(count_, kUnknown);
-    constexpr int kMostSteps = 12;  // as many as a factor in FP32 of a hard matrix takes
-    for (int step = 0; step < kMostSteps; ++step) {
-      std::vector<solve::ResidualColumn> list;
-      for (std::size_t c = 0; c < count_; ++c) list.push_back({parts(b, c), parts(x_, c), parts(r, c), {}});
-      session.factor->residual().compute(list, false);
-      solve(r, d);
-      if (!correct(d, before)) break;
-    }
+    if (!on_device(rows)) on_host(rows);
   }
   [[nodiscard]] Value at(std::size_t column, Index unknown) const {
     return x_[column * n_ + static_cast<std::size_t>(unknown)];
@@ -51,6 +39,82 @@ class Columns {
   using Vectors = analysis::LazyVector<Value>;
   static constexpr double kUnknown = std::numeric_limits<double>::infinity();
   static constexpr std::int64_t kGrain = 1 << 14;  // rows that a thread takes at a time
+
+  static constexpr int kMostSteps = 12;  // as many as a factor in FP32 of a hard matrix takes
+
+  void on_host(std::span<const Index> rows) {
+    Vectors b(n_ * count_), r(n_ * count_), d(n_ * count_);
+    over_columns([&](std::size_t c, std::size_t begin, std::size_t end) {
+      std::fill(b.begin() + place(c, begin), b.begin() + place(c, end), Value(0));
+    });
+    for (std::size_t c = 0; c < count_; ++c) b[c * n_ + static_cast<std::size_t>(rows[c])] = 1;
+    solve(b, x_);
+    std::vector<double> before(count_, kUnknown);
+    for (int step = 0; step < kMostSteps; ++step) {
+      std::vector<solve::ResidualColumn> list;
+      for (std::size_t c = 0; c < count_; ++c) list.push_back({parts(b, c), parts(x_, c), parts(r, c), {}});
+      session_->factor->residual().compute(list, false);
+      solve(r, d);
+      const std::vector<double> corrections = largest_of(d);
+      over_columns([&](std::size_t c, std::size_t begin, std::size_t end) {
+        if (!(corrections[c] < before[c])) return;
+        for (std::size_t i = c * n_ + begin; i < c * n_ + end; ++i) x_[i] += d[i];
+      });
+      largest_ = largest_of(x_);
+      if (!note(corrections, before)) break;
+    }
+  }
+
+  // Where a device has the factor and the matrix; vectors stay there until they are refined.
+  // @returns false where none does, or it lacks memory for them
+  bool on_device(std::span<const Index> rows) {
+    if constexpr (!std::is_same_v<Value, double>) {
+      return false;
+    } else {
+      device::DeviceLinearSystem* const device = session_->factor->numeric().device_system();
+      if (device == nullptr || session_->factor->substitutes()) return false;
+      const auto columns = static_cast<Index>(count_);
+      std::shared_ptr<double[]> memory;
+      try {
+        memory = device->memory(4 * columns);
+      } catch (const Error& e) {
+        if (e.status().code != StatusCode::out_of_memory) throw;
+        return false;
+      }
+      const device::Settled settled(*device);
+      double *const b = memory.get(), *const x = b + n_ * count_, *const r = x + n_ * count_,
+                    *const d = r + n_ * count_;
+      const std::vector<double> ones(count_, 1.0);
+      std::vector<Offset> places;
+      for (std::size_t c = 0; c < count_; ++c) places.push_back(place(c, static_cast<std::size_t>(rows[c])));
+      device->scatter(places, ones, b, columns);
+      device->substitute(b, x, columns, false);
+      const auto largest_there = [&](const double* v) {
+        std::vector<const double*> list;
+        std::vector<double> found(count_);
+        for (std::size_t c = 0; c < count_; ++c) list.push_back(v + c * n_);
+        device->largest(list, found);
+        for (double& most : found) most = std::isnan(most) ? kUnknown : most;
+        return found;
+      };
+      std::vector<double> before(count_, kUnknown);
+      for (int step = 0; step < kMostSteps; ++step) {
+        session_->pool.check();
+        std::vector<solve::ResidualColumn> list;
+        for (std::size_t c = 0; c < count_; ++c) list.push_back({b + c * n_, x + c * n_, r + c * n_, {}});
+        device->compute(list, false);
+        device->substitute(r, d, columns, false);
+        const std::vector<double> corrections = largest_there(d);
+        for (std::size_t c = 0; c < count_; ++c)
+          if (corrections[c] < before[c]) device->combine(1, d + c * n_, 1, x + c * n_);
+        largest_ = largest_there(x);
+        if (!note(corrections, before)) break;
+      }
+      device->fetch(x_.data(), x, static_cast<Offset>(n_ * count_));
+      device->finish();
+      return true;
+    }
+  }
 
   [[nodiscard]] std::ptrdiff_t place(std::size_t column, std::size_t row) const {
     return static_cast<std::ptrdiff_t>(column * n_ + row);
@@ -89,21 +153,14 @@ class Columns {
     return all;
   }
 
+  // Others than smaller ones are noise, or do not converge: the error is that which the last one has left.
   // @param before  sizes of the last corrections. @returns whether others may help
-  bool correct(const Vectors& d, std::vector<double>& before) {
-    const std::vector<double> correction = largest_of(d);
-    // Others are noise, or do not converge: the error is that which the last one has left.
-    const auto helps = [&](std::size_t c) { return correction[c] < before[c]; };
-    over_columns([&](std::size_t c, std::size_t begin, std::size_t end) {
-      if (!helps(c)) return;
-      for (std::size_t i = c * n_ + begin; i < c * n_ + end; ++i) x_[i] += d[i];
-    });
-    largest_ = largest_of(x_);
+  bool note(const std::vector<double>& corrections, std::vector<double>& before) {
     bool goes_on = false;
     for (std::size_t c = 0; c < count_; ++c) {
-      if (!helps(c)) continue;
-      error_[c] = error_after(correction[c], before[c], largest_[c]);
-      before[c] = correction[c];
+      if (!(corrections[c] < before[c])) continue;
+      error_[c] = error_after(corrections[c], before[c], largest_[c]);
+      before[c] = corrections[c];
       goes_on = goes_on || error_[c] > kEps;
     }
     return goes_on;

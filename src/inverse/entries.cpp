@@ -255,6 +255,13 @@ class Inverse {
 
   // What the factor does not know, column by column.
   void solve_for_others() {
+    std::atomic<bool> all_known = true;
+    s_.pool.for_each_range(static_cast<std::int64_t>(wanted_.size()), kEntryGrain,
+                           [&](std::int64_t begin, std::int64_t end) {
+                             const char* known = known_.data() + first_;
+                             if (std::find(known + begin, known + end, 0) != known + end) all_known = false;
+                           });
+    if (all_known) return;
     std::vector<std::size_t> others;
     for (std::size_t e = 0; e < wanted_.size(); ++e)
       if (known_[first_ + e] == 0) others.push_back(e);

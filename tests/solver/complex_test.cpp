@@ -1,5 +1,6 @@
 // Complex systems against Eigen's dense algebra, against the real system of twice the size, and against themselves:
 // kinds, storages, transposes, several right-hand sides, devices, budgets, verdicts and refusals, in all forms.
+#include "espalier/factor_file.hpp"
 #include "solver/complex_common.hpp"
 
 namespace espalier {
@@ -398,6 +399,46 @@ TEST_P(ComplexForms, DuplicatesAreSummed) {
     ASSERT_TRUE(solver.analyze(twice).status.ok());
     ASSERT_TRUE(solver.factorize(twice).status.ok());
     expect_solutions(solver, a);
+  }
+}
+
+// GPUs fill real forms by places in columns: the diagonal of a triangle must stand at its end, wherever the caller has
+// it.
+TEST_P(ComplexForms, RowsStandInAnyOrder) {
+  std::mt19937 random(8);
+  for (const auto& [sort, storage] : {std::pair{Sort::hermitian, Storage::hermitian_lower},
+                                      {Sort::hermitian, Storage::hermitian_upper},
+                                      {Sort::definite, Storage::hermitian_upper},
+                                      {Sort::symmetric, Storage::symmetric_lower},
+                                      {Sort::symmetric, Storage::symmetric_upper},
+                                      {Sort::symmetric, Storage::symmetric_both},
+                                      {Sort::general, Storage::general}}) {
+    SCOPED_TRACE(static_cast<int>(storage));
+    const Dense a = random_dense(60, sort, 16);
+    const ComplexSparseMatrix sorted = sparse(a, storage);
+    ComplexSparseMatrix s = sorted;
+    for (Index j = 0; j < 60; ++j) {
+      const auto first = static_cast<std::size_t>(s.col_ptr[j]), end = static_cast<std::size_t>(s.col_ptr[j + 1]);
+      std::vector<std::size_t> order(end - first);
+      std::iota(order.begin(), order.end(), first);
+      std::shuffle(order.begin(), order.end(), random);
+      for (std::size_t k = 0; k < order.size(); ++k) {
+        s.row_ind[first + k] = sorted.row_ind[order[k]];
+        s.values[first + k] = sorted.values[order[k]];
+      }
+    }
+    Options options = this->options();
+    options.refinement_steps = 0;
+    ComplexSolver solver(options);
+    ASSERT_TRUE(solver.analyze(s).status.ok());
+    ASSERT_TRUE(solver.factorize(s).status.ok());
+    expect_solutions(solver, a, 1e-11);
+    ASSERT_TRUE(solver.refactorize(s.values).status.ok());
+    expect_solutions(solver, a, 1e-11);
+    EXPECT_EQ(solver.values(), s.values);
+    const ComplexSparseMatrix f = factorized_matrix(solver);
+    for (Index j = 0; j < 60 && storage != Storage::general && storage != Storage::symmetric_both; ++j)
+      EXPECT_TRUE(std::is_sorted(f.row_ind.begin() + f.col_ptr[j], f.row_ind.begin() + f.col_ptr[j + 1])) << j;
   }
 }
 

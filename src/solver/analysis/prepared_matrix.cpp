@@ -56,8 +56,23 @@ bool has_duplicates(const MatrixView& a, base::ThreadPool& pool) {
   return false;
 }
 
-// The pattern of `a` with each entry once (in the order of first appearance), and where the caller's values go.
-void merge_duplicates(const MatrixView& a, PreparedMatrix& p) {
+// Whether a diagonal entry of a triangle is not the first of its column (lower), or the last (upper): where it has to
+// be, so that a device knows which elements of its block a real form stores.
+bool diagonal_is_inside(const MatrixView& a) {
+  if (a.storage != Storage::symmetric_lower && a.storage != Storage::symmetric_upper) return false;
+  for (Index c = 0; c < a.cols; ++c) {
+    const auto at = static_cast<std::size_t>(c);
+    for (Offset q = a.col_ptr[at]; q < a.col_ptr[at + 1]; ++q) {
+      const Offset end = a.storage == Storage::symmetric_lower ? a.col_ptr[at] : a.col_ptr[at + 1] - 1;
+      if (a.row_ind[static_cast<std::size_t>(q)] == c && q != end) return true;
+    }
+  }
+  return false;
+}
+
+// The pattern of `a` with each entry once, and where the caller's values go.
+// @param sorts  by rows; else entries stand in the order of first appearance
+void merge_duplicates(const MatrixView& a, PreparedMatrix& p, bool sorts) {
   std::vector<Offset> entry(static_cast<std::size_t>(a.rows), -1);  // of the row in the current column, if >= its start
   p.a.col_ptr.assign(1, 0);
   p.a.row_ind.clear();
@@ -71,6 +86,12 @@ void merge_duplicates(const MatrixView& a, PreparedMatrix& p) {
         p.a.row_ind.push_back(a.row_ind[q]);
       }
       p.target[q] = at;
+    }
+    if (sorts) {
+      std::sort(p.a.row_ind.begin() + start, p.a.row_ind.end());
+      for (auto k = static_cast<std::size_t>(start); k < p.a.row_ind.size(); ++k)
+        entry[p.a.row_ind[k]] = static_cast<Offset>(k);
+      for (Offset q = a.col_ptr[c]; q < a.col_ptr[c + 1]; ++q) p.target[q] = entry[a.row_ind[q]];
     }
     p.a.col_ptr.push_back(static_cast<Offset>(p.a.row_ind.size()));
   }
@@ -223,10 +244,12 @@ PreparedMatrix prepare_matrix(const GivenMatrix& matrix, Kind kind, base::Thread
   p.a.storage = a.storage;
   const bool duplicates = has_duplicates(a, pool);
   const bool expands = kind == Kind::lu && a.symmetric();
-  if (duplicates || expands) p.caller_pattern = pattern_hash(a, pool);
+  const bool sorts = p.numbers != base::Numbers::real && kind != Kind::lu && diagonal_is_inside(a);
+  const bool merges = duplicates || sorts;
+  if (merges || expands) p.caller_pattern = pattern_hash(a, pool);
   copy_array(a.col_ptr, p.a.col_ptr, pool);
-  if (!duplicates) copy_array(a.row_ind, p.a.row_ind, pool);
-  if (duplicates) merge_duplicates(a, p);
+  if (!merges) copy_array(a.row_ind, p.a.row_ind, pool);
+  if (merges) merge_duplicates(a, p, sorts);
   if (expands) expand(p);
   p.symmetric_values = kind != Kind::lu && a.storage == Storage::general;
   if (p.symmetric_values) p.a.storage = Storage::symmetric_both;

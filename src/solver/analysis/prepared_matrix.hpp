@@ -58,7 +58,7 @@ struct PreparedMatrix {
   /// General storage for lu, a symmetric one otherwise. An analysis has given the values away: each of its factors has
   /// its own.
   StoredMatrix a;
-  std::vector<Offset> target;  ///< entry to which each of the caller's values is added; empty: no duplicates
+  std::vector<Offset> target;  ///< entry to which each of the caller's values is added; empty: they are those of `a`
   std::vector<Offset> source;  ///< lu of symmetric storage: entry before expansion of each entry of `a`; else empty
   std::vector<char> turned;    ///< lu of Hermitian storage: entries of `a` that are conjugates of their source
   base::Numbers numbers = base::Numbers::real;  ///< never hermitian for lu

@@ -83,19 +83,34 @@ class DeviceInverse {
     if (std::find(staged.begin(), staged.end(), 1) == staged.end()) staged.clear();
     const Offset left = loan_.left();
     const Offset room = std::max<Offset>(0, left - left / 16) / static_cast<Offset>(sizeof(T));  // and the tasks
-    tables_ = make_inverse_tables(job_.plan, job_.fronts, {job_.kind, staged}, needed, room, sizeof(T));
-    stack_ = loan_.take<T>(tables_.stack);
-    tasks_ = loan_.take<InverseTask>(static_cast<Offset>(tables_.tasks.size()));
+    KeptInverseTables& kept = job_.kept != nullptr ? *job_.kept : own_;
+    if (kept.needed != needed || kept.staged != staged || !suits(kept, room)) {
+      kept = {};
+      kept.tables = make_inverse_tables(job_.plan, job_.fronts, {job_.kind, staged}, needed, room, sizeof(T));
+      kept.needed = needed;
+      kept.staged = staged;
+      kept.room = room;
+    }
+    tables_ = &kept.tables;
+    stack_ = loan_.take<T>(tables_->stack);
+    tasks_ = loan_.take<InverseTask>(static_cast<Offset>(tables_->tasks.size()));
+  }
+  // Fronts that all have room at once are read at once. Others are grouped by the room there was.
+  static bool suits(const KeptInverseTables& kept, Offset room) {
+    const std::vector<InverseLaunch>& launches = kept.tables.launches;
+    const auto reads = std::count_if(launches.begin(), launches.end(),
+                                     [](const InverseLaunch& l) { return l.work == InverseWork::read; });
+    return kept.room == room || (reads == 1 && kept.tables.stack <= room);
   }
 
   void send_tables() {
     const auto send = [&](auto& to, const auto& from) {
       job_.uploads.copy(to, from.data(), static_cast<Offset>(from.size() * sizeof from[0]), job_.stream);
     };
-    std::vector<InverseFrontOf<T>> fronts(tables_.spots.size());
+    std::vector<InverseFrontOf<T>> fronts(tables_->spots.size());
     const bool lu = job_.kind == Kind::lu;
     for (std::size_t k = 0; k < fronts.size(); ++k) {
-      const InverseTables::Spot& spot = tables_.spots[k];
+      const InverseTables::Spot& spot = tables_->spots[k];
       InverseFrontOf<T>& x = fronts[k];
       x.front = job_.fronts[static_cast<std::size_t>(spot.front)];
       x.parent = spot.parent;
@@ -110,7 +125,7 @@ class DeviceInverse {
       x.v = stack_ + spot.v;
     }
     send(fronts_, fronts);
-    send(tasks_, tables_.tasks);
+    send(tasks_, tables_->tasks);
     send(relative_, job_.plan.relative);
     if (pivots_ != nullptr) {
       const auto copy = [&](T* to, const T* from) {
@@ -130,34 +145,30 @@ class DeviceInverse {
   // Where each entry stands in the stack, in the order in which fronts are read; beside the kernels.
   void send_addresses() {
     wanted_ = find_inverse_places(job_.plan, entries_, pool_, nullptr);
-    const std::size_t spots = tables_.spots.size();
+    const std::size_t spots = tables_->spots.size();
     read_.assign(spots + 1, 0);
     for (std::size_t k = 0; k < spots; ++k) {
-      const auto f = static_cast<std::size_t>(tables_.spots[k].front);
+      const auto f = static_cast<std::size_t>(tables_->spots[k].front);
       read_[k + 1] = read_[k] + wanted_.ptr[f + 1] - wanted_.ptr[f];
     }
-    job_.uploads.make(
-        address_, read_.back(), sizeof(std::int64_t), sending_.get(), [&](std::byte* stage, Offset begin, Offset end) {
-          auto* to = reinterpret_cast<std::int64_t*>(stage);
-          auto k = static_cast<std::size_t>(std::upper_bound(read_.begin(), read_.end(), begin) - read_.begin() - 1);
-          for (Offset q = begin; q < end; ++q) {
-            while (read_[k + 1] <= q) ++k;
-            *to++ = address_of(k, q);
-          }
-        });
+    job_.uploads.make(address_, read_.back(), sizeof(std::int64_t), sending_.get(),
+                      [&](std::byte* stage, Offset begin, Offset end) {
+                        auto* to = reinterpret_cast<std::int64_t*>(stage);
+                        for_each_read(begin, end, [&](std::size_t k, Offset q) { *to++ = address_of(k, q); });
+                      });
     sent_.record(sending_.get());
     call("cudaStreamWaitEvent", [&] { return cudaStreamWaitEvent(job_.stream, sent_.get(), 0); });
   }
   // Where entry q of those in the order of spots stands; it belongs to spot k.
   [[nodiscard]] std::int64_t address_of(std::size_t k, Offset q) const {
-    const InverseTables::Spot& spot = tables_.spots[k];
+    const InverseTables::Spot& spot = tables_->spots[k];
     const Front& f = job_.fronts[static_cast<std::size_t>(spot.front)];
     const InversePlaces::Place& p = place_of(k, q);
     const auto padded = [&](Index row) { return row < f.pivots ? row : row - f.pivots + f.pivot_pad; };
     return spot.z + chunked(f.total_pad, padded(p.row), padded(p.col));
   }
   [[nodiscard]] const InversePlaces::Place& place_of(std::size_t k, Offset q) const {
-    return wanted_.places[wanted_.ptr[static_cast<std::size_t>(tables_.spots[k].front)] + (q - read_[k])];
+    return wanted_.places[wanted_.ptr[static_cast<std::size_t>(tables_->spots[k].front)] + (q - read_[k])];
   }
 
   void launch_all() {
@@ -172,7 +183,7 @@ class DeviceInverse {
     state.stack = stack_;
     state.address = address_;
     state.entry = entry_;
-    for (InverseLaunch launch : tables_.launches) {
+    for (InverseLaunch launch : tables_->launches) {
       if (launch.work == InverseWork::bring) {
         bring(launch.begin, launch.end);
         continue;
@@ -190,7 +201,7 @@ class DeviceInverse {
   // The factors of fronts from the host.
   void bring(Offset begin, Offset end) {
     for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
-      const InverseTables::Spot& spot = tables_.spots[k];
+      const InverseTables::Spot& spot = tables_->spots[k];
       const Front& f = job_.fronts[static_cast<std::size_t>(spot.front)];
       const InverseSource<T>& source = job_.sources[static_cast<std::size_t>(spot.front)];
       if (!source.on_host) continue;
@@ -203,18 +214,22 @@ class DeviceInverse {
   }
 
   void take_entries() {
-    std::vector<T> entry(static_cast<std::size_t>(read_.back()));
-    call("copy of entries of the inverse", [&] {
-      return cudaMemcpyAsync(entry.data(), entry_, entry.size() * sizeof(T), cudaMemcpyDeviceToHost, job_.stream);
-    });
-    wait();
-    constexpr std::int64_t kGrain = 64;
-    const auto store_range = [&](std::int64_t begin, std::int64_t end) {
-      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-        for (Offset q = read_[k]; q < read_[k + 1]; ++q)
-          entries_.value[static_cast<std::size_t>(place_of(k, q).number)] = entry[static_cast<std::size_t>(q)];
-    };
-    pool_.for_each_range(static_cast<std::int64_t>(tables_.spots.size()), kGrain, store_range);
+    job_.uploads.fetch(entry_, read_.back(), sizeof(T), job_.stream,
+                       [&](const std::byte* stage, Offset begin, Offset end) {
+                         const auto* entry = reinterpret_cast<const T*>(stage);
+                         for_each_read(begin, end, [&](std::size_t k, Offset q) {
+                           entries_.value[static_cast<std::size_t>(place_of(k, q).number)] = *entry++;
+                         });
+                       });
+  }
+  // use(k, q) for the entries [begin, end) in the order of spots; q belongs to spot k.
+  template <class Use>
+  void for_each_read(Offset begin, Offset end, Use&& use) const {
+    auto k = static_cast<std::size_t>(std::upper_bound(read_.begin(), read_.end(), begin) - read_.begin() - 1);
+    for (Offset q = begin; q < end; ++q) {
+      while (read_[k + 1] <= q) ++k;
+      use(k, q);
+    }
   }
 
   const DeviceInverseJob<T>& job_;
@@ -222,7 +237,8 @@ class DeviceInverse {
   const InverseEntries<T>& entries_;
   Loan loan_;
   InversePlaces wanted_;
-  InverseTables tables_;
+  KeptInverseTables own_;
+  const InverseTables* tables_ = nullptr;
   std::vector<Offset> read_;  // spots + 1; places in address_
   Stream sending_;            // of addresses
   Event sent_;
@@ -262,7 +278,8 @@ bool ExecutorOnDevices<T>::invert_at(const InverseEntries<T>& entries) {
                          &first().budget(),
                          {},
                          first().uploads(),
-                         options_.pool},
+                         options_.pool,
+                         &kept_inverse_},
                         entries);
   });
   return true;

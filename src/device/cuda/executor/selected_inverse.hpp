@@ -10,6 +10,7 @@
 
 #include "base/thread_pool.hpp"
 #include "device/cuda/runtime/table_upload.hpp"
+#include "device/cuda/tables/inverse_tables.hpp"
 #include "device/cuda/tables/tables.hpp"
 #include "device/executor.hpp"
 #include "plan/plan.hpp"
@@ -24,6 +25,13 @@ struct InverseSource {
   bool on_host = false;
 };
 
+/// The launches of the last call, for the next one that makes the same fronts.
+struct KeptInverseTables {
+  std::vector<char> needed, staged;  ///< fronts; see make_inverse_tables()
+  Offset room = 0;                   ///< elements that there were
+  InverseTables tables;
+};
+
 template <class T>
 struct DeviceInverseJob {
   const plan::Plan& plan;
@@ -36,7 +44,8 @@ struct DeviceInverseJob {
   DeviceBudget* budget = nullptr;  ///< from which memory is taken; null: `space` has it
   std::span<std::byte> space = {};
   TableUpload& uploads;
-  base::ThreadPool* pool = nullptr;  ///< null: the calling thread
+  base::ThreadPool* pool = nullptr;   ///< null: the calling thread
+  KeptInverseTables* kept = nullptr;  ///< of earlier calls; null: nothing is kept
 };
 
 /// See Executor::invert_at(). Fronts are made level by level from the roots, as many at a time as there is memory for:
