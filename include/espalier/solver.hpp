@@ -95,7 +95,7 @@ struct Options {
   /// Whether a factorization makes only those fronts again that new values reach; all others are kept, and the numbers
   /// are those of a whole factorization, to the last bit (FactorReport::work_share). What fronts leave for their
   /// parents then stays in memory as well, one to two times the size of the factor, and so does a copy of the values.
-  /// On hosts and GPUs, one device or several, in core or not, and on ranks of hosts; on ranks with GPUs all is made.
+  /// On the host, one device or several, on ranks of hosts, and on one GPU, in core or not; else everything is made.
   bool partial_refactorization = false;
   Sharing sharing;                 ///< among several devices
   std::vector<Index> permutation;  ///< the caller's own elimination order (old index of the k-th); empty: ours

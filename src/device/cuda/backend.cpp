@@ -52,13 +52,13 @@ class CudaBackend final : public Backend {
     DeviceTuning tuning;
     tuning.max_block_size = wish.max_block_size;
     tuning.additional_subtrees = wish.sharing.additional_subtrees;
-    // Among equal ones it only costs (measured). Where fronts are kept, they are where they were.
-    tuning.stealing = wish.sharing.stealing && wish.unequal && !wish.keep_contributions;
+    tuning.stealing = wish.sharing.stealing && wish.unequal;  // among equal ones it only costs (measured)
     tuning.shared_top = wish.sharing.shared_top;
     tuning.device_speed = wish.speed;
     tuning.machine = model(wish.machine);
     plan::PlanOptions options = cuda_plan_options(wish.kind, tuning, wish.devices);
-    options.keep_contributions = wish.keep_contributions && wish.ranks == 1;
+    // Several would keep theirs, too, but have not been seen to do so: no two GPUs were to be had.
+    options.keep_contributions = wish.keep_contributions && wish.devices == 1 && wish.ranks == 1;
     return options;
   }
 

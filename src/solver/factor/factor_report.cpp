@@ -120,8 +120,7 @@ std::complex<double> phase_of_real_form(const Analysis& analysis, const FactorRe
 
 std::string whole_reason(const Analysis& analysis, const Numeric& numeric) {
   if (numeric.keeps_fronts()) return {};
-  if (analysis.device.one_a_rank)
-    return "GPUs of several ranks exchange what fronts leave for their parents in each run";
+  if (analysis.device.devices() > 1) return "several GPUs exchange what fronts leave for their parents in each run";
   return "the device keeps no fronts, or has no memory for what they leave for their parents";
 }
 
