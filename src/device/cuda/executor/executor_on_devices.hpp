@@ -14,6 +14,7 @@
 #include "base/timeline.hpp"
 #include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/selected_inverse.hpp"
 #include "device/cuda/executor/side_outcome.hpp"
 
 namespace espalier::device::cuda {
@@ -337,6 +338,7 @@ class ExecutorOnDevices final : public CudaExecutor<T> {
     T least = 0;                 // no pivot is smaller in magnitude
   } last_;
   std::map<SolveKey, Graph> solve_graphs_;
+  KeptInverseTables kept_inverse_;
   std::vector<DeviceWork> work_;
   std::vector<std::vector<T>> pivots_host_;
   PivotLimits<T> limits_ = {};
