@@ -178,6 +178,7 @@ class StepBuilder {
   InCoreStep build() {
     light_.options = plan_.options;
     light_.options.devices = 1;
+    light_.options.keep_contributions = false;  // what is left for others leaves the step, which is made whole
     add_fronts();
     add_tasks();
     // Small steps shall reuse memory, too; some hundred tasks are under way at one time.

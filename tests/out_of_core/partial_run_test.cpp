@@ -125,6 +125,14 @@ TEST_P(OutOfCorePartialRun, OnSeveralDevicesHasTheBitsOfAWholeOne) {
   EXPECT_GT(some, 0);
 }
 
+// Whatever the plan keeps in core: a step is made whole, and stores what leaves it.
+TEST_P(OutOfCorePartialRun, StoresNoContributionsInsideSteps) {
+  const Offset bytes = start_kept(need_ / 2, 0)->out_of_core().store_bytes;
+  EXPECT_GT(bytes, 0);
+  plan_.options.keep_contributions = true;
+  EXPECT_EQ(start_kept(need_ / 2, 0)->out_of_core().store_bytes, bytes);
+}
+
 // What is not made neither crosses the link nor goes to the disk.
 TEST_P(OutOfCorePartialRun, WritesWhatItMakes) {
   auto executor = start_kept(floor_ + floor_ / 3, least_window());
