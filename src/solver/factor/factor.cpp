@@ -81,7 +81,7 @@ Factor::Left Factor::leave_numbers() {
 void Factor::take_numbers(Left left, FollowedAnalysis::Numbers stay) {
   if (!left.numeric) return note_anew(std::move(left.why_none));
   if (!stay.why_none.empty()) return note_anew(std::move(stay.why_none));
-  taken_.emplace(std::move(left), std::move(stay));
+  taken_ = Taken{std::move(left), std::move(stay)};
   if (!analysis_->device.backend->limits().own_memory) follow_numbers();
 }
 
