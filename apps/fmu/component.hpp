@@ -2,7 +2,7 @@
 /// What both standards' functions do around an instance: errors become messages of the caller's logger and a status.
 #pragma once
 
-#include <cstring>
+#include <algorithm>
 #include <new>
 #include <stdexcept>
 #include <string>
@@ -81,7 +81,7 @@ inline const std::string& bytes_of(void* state) {
 inline void copy_state(void* state, std::uint8_t* out, std::size_t size) {
   const std::string& bytes = bytes_of(state);
   if (size < bytes.size()) throw std::invalid_argument("the memory for the FMU state is too small");
-  std::memcpy(out, bytes.data(), bytes.size());
+  std::copy(bytes.begin(), bytes.end(), out);
 }
 
 }  // namespace espalier::fmu
