@@ -14,11 +14,11 @@
 #include "base/memory.hpp"
 #include "base/thread_pool.hpp"
 #include "command.hpp"
+#include "common/terminal.hpp"
 #include "device/host/kernels/kernels.hpp"
 #include "device/registry.hpp"
 #include "plan/machine_model.hpp"
 #include "solver/session/build_info.hpp"
-#include "terminal.hpp"
 
 namespace espalier::cli {
 

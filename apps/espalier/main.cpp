@@ -15,9 +15,9 @@
 #include <system_error>
 
 #include "command.hpp"
-#include "progress_lines.hpp"
+#include "common/progress_lines.hpp"
+#include "common/terminal.hpp"
 #include "solver/session/build_info.hpp"
-#include "terminal.hpp"
 
 namespace espalier::cli {
 

@@ -19,7 +19,7 @@
 #include <sstream>
 
 #include "command.hpp"
-#include "terminal.hpp"
+#include "common/terminal.hpp"
 
 namespace espalier::cli {
 

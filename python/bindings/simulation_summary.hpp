@@ -8,7 +8,7 @@
 
 namespace espalier::python {
 
-/// Nested, with the keys of summary.json (apps/espalier/simulate_report.cpp); what is no number stays NaN.
+/// Nested, with the keys of summary.json (apps/espalier/simulate/simulate_report.cpp); what is no number stays NaN.
 [[nodiscard]] nanobind::dict summary_dict(const SimulationSummary& s);
 
 }  // namespace espalier::python
