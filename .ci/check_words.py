@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Whether names and comments keep docs/design/words.md, as far as a program can tell: functions that do not say what they
-do to what; types that use a word in a second meaning; comments that begin without their noun. Says where, and fails."""
+do to what; types that use a word in a second meaning; comments that begin without their noun; names that belong to
+values by their order alone. Says where, and fails."""
 
 import pathlib
 import re
@@ -14,6 +15,7 @@ CODE = (".c", ".cpp", ".cu", ".cuh", ".h", ".hpp", ".py")
 VAGUE = re.compile(r"\b(?:see|take_up|put|look|there)(?:<[\w:]+>)?(?:\((?![^()]*char)| = \[)")
 NO_NOUN = re.compile(r"^\s*(?://+<?|/\*\*?<?|\*|#)\s*(?:Of|Those of|Likewise)\b")
 TYPE = re.compile(r"^\s*(?:struct|class|enum class|enum)\s+(?:\[\[\w+\]\]\s*)?(\w*?(Part|Range|Lane|Link|Search|Workshop|Shape|Unit)s?)\b(?!.*;)")
+BY_ORDER = re.compile(r"static_cast<(?:\w+::)*[A-Z]\w*>\(\w+\.choice\(|\bk\w*Names\[(?:static_cast|at\()")
 # What has a word in the one meaning of docs/design/words.md. Ranges are intervals everywhere.
 TYPES = {
     "Part": {"MeshedPart", "PlainPart", "HostParts", "ComplexParts", "Parts"},
@@ -38,6 +40,8 @@ def findings(name):
             yield number, "a comment that begins without its noun"
         if not comment and name.endswith(CODE[:-1]) and VAGUE.search(line.split('"')[0].split("//")[0]):
             yield number, "a function that does not say what it does"
+        if name.startswith(("src/", "apps/")) and BY_ORDER.search(line):
+            yield number, "an enumerator and its name that agree by their order; give both in rows of base::Named"
         if (found := TYPE.match(line)) and found[2] != "Range" and found[1] not in TYPES[found[2]]:
             yield number, f"{found[1]}: \"{found[2].lower()}\" has one meaning (docs/design/words.md); if it is this one, add the type here"
         before = line.strip()

@@ -14,137 +14,14 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 
+from model_keys_sections import SECTIONS
+
 ROOT = Path(__file__).resolve().parents[2]
 MODEL = ROOT / "src/dynamics/model"
 GUIDE = ("simulate.md", "forces.md", "contact.md", "joints.md", "fmi.md")
 
-# Title, source, function, structs of its defaults, tables of the guide: (heading, first header cell), patterns.
-SECTIONS = (
-    ("The model", "read_model.cpp", "read_whole", (), (("The text", "at the top"),)),
-    ("[bodies], [joints], [forces], [materials]", "read_bodies.cpp", "read_bodies", (), (("The text", "at the top"),)),
-    ("", "read_joints.cpp", "read_joints", (), (("The text", "at the top"),)),
-    ("", "read_joints.cpp", "read_forces", (), (("The text", "at the top"),)),
-    ("", "read_materials.cpp", "BodyMaterials", (), (("The text", "at the top"),)),
-    ("[surfaces], [contacts]", "read_surfaces.cpp", "read_surfaces", (), (("The text", "at the top"),)),
-    ("[surfaces.NAME]", "read_surfaces.cpp", "read_surface", ("SprocketShape",), (("Surfaces", "key"),)),
-    ("Axes of a surface", "read_surfaces.cpp", "read_surface_axes", (), (("Surfaces", "key"),)),
-    ("[contacts.NAME]", "read_surfaces.cpp", "read_contact", (), (("Contacts", "key"),)),
-    ("Law of a contact", "read_surfaces.cpp", "read_contact_law", (), (("Contacts", "key"),)),
-    ("[inputs], [sensors], [events]", "read_events.cpp", "read_events", (), (("The text", "at the top"),)),
-    ("[splines]", "read_splines.cpp", "read_splines", (), (("The text", "at the top"),)),
-    ("[materials.NAME]", "read_materials.cpp", "read_material", (), (("", "material"),)),
-    ("", "read_materials.cpp", "check_material", (), ()),
-    ("[bodies.NAME]", "read_bodies.cpp", "read_body", (), (("Bodies", ""),)),
-    ("Rigid bodies", "read_rigid_bodies.cpp", "read_rigid", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies of a closed surface", "read_rigid_bodies.cpp", "read_rigid_of_surface", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies of a closed surface: mesh", "read_rigid_bodies.cpp", "read_closed_surface", (), (("Bodies", "rigid"),)),
-    ("Rigid bodies: motion", "read_rigid_bodies.cpp", "read_rigid_motion", (), (("Bodies", "rigid"),)),
-    ("Points", "read_rigid_bodies.cpp", "read_point", (), (("Bodies", "rigid"),)),
-    ("Flexible bodies: motion", "read_bodies.cpp", "read_motion", (), (("Bodies", "solid"),)),
-    ("Flexible bodies: damping", "read_body_damping.cpp", "read_body_damping", (), (("Bodies", "solid"),)),
-    ("`damping` of a flexible body", "read_body_damping.cpp", "read_damping", (), (("Bodies", "damping"),)),
-    ("`damping` by ratios at two frequencies", "read_body_damping.cpp", "rayleigh_of_ratios", (), (("Bodies", "damping"),)),
-    ("`reduce` of a flexible body", "read_body_damping.cpp", "read_reduction", (), (("Bodies", "reduce"),)),
-    ("Solids", "read_solids.cpp", "read_solid", (), (("Bodies", "solid"),)),
-    ("`erosion` of a solid", "read_erosion.cpp", "read_erosion", (), (("Bodies", "erosion"),)),
-    ("", "read_erosion.cpp", "check_erosion", (), ()),
-    ("Solids: mesh", "read_meshers.cpp", "read_mesh_source", (), (("Bodies", "solid"),)),
-    ("Part block", "read_meshers.cpp", "read_block", ("BlockShape",), (("Bodies", "part"),)),
-    ("Part connecting-rod", "read_meshers.cpp", "read_rod", ("RodShape",), (("Bodies", "part"),)),
-    ("Part chain-link", "read_meshers.cpp", "read_link", ("LinkShape",), (("Bodies", "part"),)),
-    ("Part crank", "read_meshers.cpp", "read_crank", ("CrankShape",), (("Bodies", "part"),)),
-    ("Part guide", "read_meshers.cpp", "read_guide", ("GuideShape",), (("Bodies", "part"),)),
-    ("Part bladed-rotor", "read_meshers.cpp", "read_rotor", ("RotorShape",), (("Bodies", "part"),)),
-    ("Part tyre", "read_meshers.cpp", "read_tyre", ("TyreShape",), (("Bodies", "part"),)),
-    ("Part spur-gear", "read_meshers.cpp", "read_gear", ("GearShape",), (("Bodies", "part"),)),
-    ("Divisions of a part", "read_meshers.cpp", "read_divisions", (), (("Bodies", "part"),)),
-    ("Cables", "read_thin_bodies.cpp", "read_cable", (), (("Bodies", "type"),)),
-    ("Beams: axis", "read_thin_bodies.cpp", "read_axis", (), (("Beams", "keys"),)),
-    ("Beams: section", "read_thin_bodies.cpp", "read_beam", (), (("Beams", "key$"),)),
-    ("Shells", "read_thin_bodies.cpp", "read_shell", (), (("Bodies", "type"),)),
-    ("Shells: thickness", "read_thin_bodies.cpp", "read_thickness", (), (("Bodies", "type"),)),
-    ("", "read_meshers.cpp", "read_take", (), (("Bodies", "solid"),)),
-    ("Shells and beams of a mesh file: mesh", "read_meshers.cpp", "read_mesh_file", (), (("Bodies", "solid"),)),
-    ("Beams and cables of a mesh file", "read_thin_bodies.cpp", "read_lines_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
-    ("Shells of a mesh file", "read_thin_bodies.cpp", "read_shell_of_file", (), (("Bodies", "type"), ("Bodies", "solid"))),
-    ("Substructures", "read_solids.cpp", "read_substructure", (), (("Bodies", "substructure"),)),
-    ("Substructures: a matrix", "read_solids.cpp", "read_matrix", (), (("Bodies", "substructure"),)),
-    ("Substructures: a node", "read_solids.cpp", "read_node", (), (("Bodies", "substructure"),)),
-    ("Substructures: lines", "read_solids.cpp", "read_lines", (), (("Bodies", "substructure"),)),
-    ("Material of a body", "read_materials.cpp", "material", (), (("Bodies", "solid"),)),
-    ("", "read_materials.cpp", "read_sets", (), (("Bodies", "solid"),)),
-    ("[markers.NAME] and frames", "read_markers.cpp", "read_marker", (), (("Markers", "key"),)),
-    ("How a face is held", "read_markers.cpp", "read_attach", (), (("Markers", "key"), ("Joints", ""))),
-    ("Where a marker is", "read_markers.cpp", "read_where", (), (("Markers", "key"),)),
-    ("", "read_markers.cpp", "read_nodes", (), (("Markers", "key"),)),
-    ("", "read_markers.cpp", "read_weights", (), (("Markers", "key"),)),
-    ("", "read_markers.cpp", "read_along", (), (("Markers", "key"),)),
-    ("Axes of a marker", "read_markers.cpp", "read_axes", (), (("Markers", "key"),)),
-    ("Frames of a joint or force", "read_markers.cpp", "read_frames", (), (("Joints", ""), ("Forces", ""))),
-    ("[supports]", "read_supports.cpp", "read_supports", (), (("The text", "at the top"),)),
-    ("[supports.NAME]", "read_supports.cpp", "read_support", (), (("Supports", "key"),)),
-    ("", "read_supports.cpp", "read_hold", (), (("Supports", "key"),)),
-    ("", "read_supports.cpp", "read_rotations", (), (("Supports", "key"),)),
-    ("", "read_supports.cpp", "read_symmetry", (), (("Supports", "key"),)),
-    ("[equations], [ties]", "read_equations.cpp", "read_equations", (), (("The text", "at the top"),)),
-    ("[equations.NAME]", "read_equations.cpp", "read_equation", (), (("Equations and ties", "equations"),)),
-    ("[equations.NAME]: a term", "read_equations.cpp", "read_term", (), (("Equations and ties", "equations"),)),
-    ("[ties.NAME]", "read_equations.cpp", "read_tie", (), (("Equations and ties", "ties"),)),
-    ("[joints.NAME]", "read_joints.cpp", "read_joint", (), (("Joints", "type"),)),
-    ("Joint rolling", "joint_kinds/rolling.cpp", "read_rolling", (), (("Joints", "type"),)),
-    ("Joints distance, revolute-spherical", "joint_kinds/lengths.cpp", "read_distance", (), (("Joints", "type"),)),
-    ("Joint prescribed", "joint_kinds/motors.cpp", "read_prescribed", (), (("Joints", "type"),)),
-    ("Motors, and joint prescribed", "joint_kinds/motors.cpp", "read_joint_motion", (), (("Joints", "type"),)),
-    ("Joints gear, coupled-slides", "joint_kinds/couplings.cpp", "read_ratio", (), (("Joints", "type"),)),
-    ("Joint rack-and-pinion", "joint_kinds/couplings.cpp", "read_pinion", (), (("Joints", "type"),)),
-    ("Joint screw", "joint_kinds/screw.cpp", "read_screw", (), (("Wheels, racks and worms", "key"),)),
-    ("Joint point-on-curve", "joint_kinds/point_on_curve.cpp", "read_point_on_curve", (), (("Points on curves and surfaces", "key"),)),
-    ("Joint point-on-surface", "joint_kinds/point_on_surface.cpp", "read_form", (), (("Points on curves and surfaces", "key"),)),
-    ("Joint point-on-surface: heights", "joint_kinds/point_on_surface.cpp", "read_heights", (), (("Points on curves and surfaces", "key"),)),
-    ("Joint gear-pair", "joint_kinds/gear_pair.cpp", "read_gear_pair", (), (("Wheels, racks and worms", "key"),)),
-    ("Joint rack-pair", "joint_kinds/rack_pair.cpp", "read_rack_pair", (), (("Wheels, racks and worms", "key"),)),
-    ("Joint worm", "joint_kinds/worm.cpp", "read_worm", (), (("Wheels, racks and worms", "key"),)),
-    ("Joint cable", "joint_kinds/cable.cpp", "read_cable_joint", (), (("Cables through rings", "key"),)),
-    ("", "read_markers.cpp", "read_through", (), (("Cables through rings", "key"),)),
-    ("Limits and friction of a joint", "read_contacts.cpp", "read_joint_contacts", (), (("Limits", ""),)),
-    ("`limits` of a joint", "read_contacts.cpp", "read_limits", (), (("Limits", "key"),)),
-    ("`friction` of a joint", "read_contacts.cpp", "read_friction", (), (("Limits", "key"),)),
-    ("[forces.NAME]", "read_joints.cpp", "read_force", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Springs", "force_kinds/springs.cpp", "read_spring", (), (("Expressions", "key"),)),
-    ("Force bushing", "force_kinds/springs.cpp", "read_bushing", (), (("Forces", "type"),)),
-    ("Force load", "force_kinds/loads.cpp", "read_load", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Force line-load", "force_kinds/loads.cpp", "read_line_load", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Force pressure", "force_kinds/loads.cpp", "read_pressure", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Force torque-motor", "force_kinds/motors.cpp", "read_torque_motor", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Force force-motor", "force_kinds/motors.cpp", "read_force_motor", (), (("Forces", "type"), ("Expressions", "key"))),
-    ("Force guide", "force_kinds/guide.cpp", "read_guide", (), (("Forces", "type"),)),
-    ("Loads on a body", "force_kinds/loads.cpp", "read_body_load", (), (("Forces", "type"),)),
-    ("Force cable", "force_kinds/cable.cpp", "read_cable_force", (), (("Cables through rings", "key"),)),
-    ("[splines.NAME]", "read_splines.cpp", "read_spline", (), (("Splines", "splines"),)),
-    ("[splines.NAME]: columns", "read_splines.cpp", "class CsvTable", (), (("Splines", "splines"),)),
-    ("[controllers]", "read_controllers.cpp", "read_controllers", (), (("The text", "at the top"),)),
-    ("[controllers.NAME]", "read_controllers.cpp", "read_controller", (), (("FMUs in a model", "key"),)),
-    ("[events.NAME]", "read_events.cpp", "read_event", (), (("Events", "events"),)),
-    ("[events.NAME]: condition", "read_events.cpp", "read_condition", (), (("Events", "events"),)),
-    ("[integrator]", "read_model.cpp", "read_integrator", (), (("Integrator", "key"),)),
-    ("[integrator] of bdf", "read_model.cpp", "read_bdf", ("BdfOptions",), (("Integrator", "bdf"),)),
-    ("[integrator] of generalized-alpha", "read_model.cpp", "read_alpha", ("AlphaOptions",),
-     (("Integrator", "generalized-alpha"), ("Integrator", "bdf"))),
-    ("[statics]", "read_model.cpp", "read_statics", (), (("Statics", "statics"),)),
-    ("[statics] and initial.statics", "read_model.cpp", "read_statics_options", ("StaticsOptions",), (("Statics", "statics"),)),
-    ("[initial]", "read_model.cpp", "read_initial", ("InitialSpec",), (("Start", "initial"),)),
-    ("`rotation` of [initial]", "read_model.cpp", "read_rotation", (), (("Start", "initial"),)),
-    ("[harmonic]", "read_harmonic.cpp", "read_harmonic", ("HarmonicOptions", "HarmonicSpec"), (("Frequency response", "harmonic"),)),
-    ("[harmonic]: frequencies", "read_harmonic.cpp", "read_range", ("HarmonicOptions",), (("Frequency response", "harmonic"),)),
-    ("[harmonic]: loads", "read_harmonic.cpp", "read_loads", (), (("Frequency response", "harmonic"),)),
-    ("[harmonic]: amplitude of a part", "read_harmonic.cpp", "read_amplitude", (), (("Frequency response", "harmonic"),)),
-    ("[output]", "read_model.cpp", "read_output", (), (("Results", "output"),)),
-    ("[output.paths.NAME]", "read_model.cpp", "read_path", ("PathSpec",), (("Results", "output"),)),
-    ("[solver]", "read_model.cpp", "read_solver", (), ()),
-)
-
 TYPES = {"number": "number", "positive": "number > 0", "integer": "whole number", "flag": "true or false", "text": "text",
-         "choice": "one of", "row": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
+         "choice": "one of", "row": "one of", "one_of": "one of", "texts": "list of texts", "numbers": "list of numbers", "vector": "list of three numbers",
          "vectors": "list of points", "matrix": "three numbers, or a 3 x 3 matrix", "rotation": "rotation",
          "function": "function of time", "state_function": "expression", "value": "", "table": "table",
          "named": "tables by name", "not_negative": "number >= 0", "number_from_zero": "number >= 0", "lever": "number > 0", "inertia": "number > 0", "read_measure": 'number, or "initial"',
@@ -185,7 +62,7 @@ def body_of(text, name):
                 if depth == 0:
                     return at, text[at:k + 1]
             k += 1
-    raise SystemExit(f"model_keys.py: there is no function '{name}' any more; mend SECTIONS")
+    raise SystemExit(f"model_keys.py: there is no function '{name}' any more; mend model_keys_sections.py")
 
 
 def arguments(text, at):
@@ -229,7 +106,13 @@ WORDS = {"std::numeric_limits<double>::infinity()": "any", "Vec3::Zero()": "[0, 
 def default_of(kind, args, structs, fields):
     """The default as it is written in a text of a model."""
     if kind == "row":
-        return name_lists()[args[1]][0] if args[2:] == ["true"] else "needed"
+        return list(name_lists()[args[1]])[0] if args[2:] == ["true"] else "needed"
+    if kind == "one_of":
+        if len(args) < 3:
+            return "needed"
+        member = args[2].split(".")[-1]
+        value = next((fields[s, member] for s in structs if (s, member) in fields), args[2])
+        return next((name for name, of in name_lists()[args[1]].items() if of == value), "by the file" if "(" in value else "")
     if kind == "choice":
         names = re.findall(r'"([\w-]+)"', args[1])
         if len(args) < 3:
@@ -255,11 +138,12 @@ def default_of(kind, args, structs, fields):
 
 
 NAMES = {}
+TABLE = re.compile(r"constexpr (?:\w+Row|base::Named<.*?>) (\w+)\[\] = \{(.*?)\};", re.S)
 KINDS = {"joint_kinds": "joints", "force_kinds": "forces"}  # rooms of rows, and the sections that they read
 
 
 def name_lists():
-    """Functions that return lists of names, for choice(), and tables of rows, for row()."""
+    """Functions that return lists of names, for choice(), and tables of rows with what they stand for, for row() and one_of()."""
     if not NAMES:
         for file in sorted(MODEL.rglob("read_*.cpp")):
             text = file.read_text()
@@ -267,13 +151,14 @@ def name_lists():
                 NAMES[m[1] + "()"] = re.findall(r'"([\w-]+)"', m[2])
             for m in re.finditer(r"const std::vector<std::string> (\w+) = \{([^}]*)\}", text):
                 NAMES.setdefault(m[1], re.findall(r'"([\w-]+)"', m[2]))
-            for m in re.finditer(r"constexpr \w+Row (\w+)\[\] = \{(.*?)\};", text, re.S):  # a row a kind, its name first
-                NAMES[m[1]] = re.findall(r'\{"([\w-]+)"', m[2])
+        for file in sorted((ROOT / "src/dynamics").rglob("*pp")):
+            for m in TABLE.finditer(file.read_text()):  # a row a kind, its name first
+                NAMES[m[1]] = dict(re.findall(r'\{"([\w-]+)",\s*([^,}]*)', m[2]))
         for room in KINDS:  # a row a kind in files of its own
             rows = "".join(f.read_text() for f in sorted(MODEL.glob(f"{room}/*.cpp")))
             names = dict(re.findall(r'const \w+Kind (\w+) = \{[^"]*?\.name = "([\w-]+)"', rows))
             table, listed = re.search(r"(k\w+Kinds)\[\] = \{([^}]*)\}", (MODEL / room / "kind.hpp").read_text()).groups()
-            NAMES[table] = [names[row] for row in re.findall(r"&(\w+)", listed)]
+            NAMES[table] = {names[row]: row for row in re.findall(r"&(\w+)", listed)}
     return NAMES
 
 
@@ -299,7 +184,7 @@ def keys_of(text, function, structs, fields, seen):
         if not written or not re.fullmatch(r'(?:\w+ \? )?"\w+"(?: : "\w+")?', args[0]):
             continue
         word = TYPES[kind]
-        if kind in ("choice", "row"):
+        if kind in ("choice", "row", "one_of"):
             names = name_lists().get(args[1]) or re.findall(r'"([\w-]+)"', args[1])
             word = "one of " + ", ".join(f"`{n}`" for n in names)
             for n in re.finditer(r'"([\w-]+)"', args[1]):
@@ -329,7 +214,7 @@ def keys_of(text, function, structs, fields, seen):
 
 def unknown_literals(text, seen):
     """Literals that look like keys and were not understood."""
-    lists = [m.span() for m in re.finditer(r"std::vector<std::string>>? \w+ = \{[^}]*\}|constexpr \w+Row \w+\[\] = \{.*?\};", text, re.S)]
+    lists = [m.span() for m in (*re.finditer(r"std::vector<std::string>>? \w+ = \{[^}]*\}", text), *TABLE.finditer(text))]
     for m in re.finditer(r'"([a-z_][a-z0-9_]*)"', text):
         line_start = text.rfind("\n", 0, m.start()) + 1
         line = text[line_start:text.find("\n", m.start())]
@@ -460,9 +345,10 @@ def page(sections):
             continue
         if not title:  # goes on with the table before
             out.pop()
-            out += row_texts(lines) + [""]
+            out += [row for row in row_texts(lines) if row not in out[start:]] + [""]
             continue
         name = re.sub(r"(\[[\w.]+\])", r"`\1`", title)
+        start = len(out)
         out += [f"## {name}", "", "| key | is | default | meaning |", "|---|---|---|---|"]
         out += row_texts(lines) + [""]
     return "\n".join(out)

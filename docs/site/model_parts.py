@@ -22,6 +22,8 @@ _SPRING = ("read_spring", "")
 _JOINT = "type a b bodies at rotation axis x_axis pull attach active "
 _TWO = "type a b bodies at rotation axis x_axis active "
 _SURFACE = "body shape "
+_SURFACE_READERS = "read_surface read_surface_axes " + " ".join(f"read_{s}_surface" for s in (
+    "plane", "sphere", "round", "box", "mesh", "faces", "sprocket", "line"))
 
 # Section: {type: (readers, the keys of them that it has, or "" for all, keys that are needed)}. "" is the only type.
 PARTS = {
@@ -46,7 +48,7 @@ PARTS = {
         ("screw", "read_screw", "lead limits angle_limits friction", "lead"), ("constant-velocity", "", "limits", ""),
         ("parallel-axes", "", "limits friction", ""), ("in-plane", "", "friction", ""), ("in-line", "", "limits friction", ""),
         ("point-on-curve", "read_point_on_curve", "points file scale closed ends motion from limits friction", ""),
-        ("point-on-surface", "read_form read_heights", "shape radius rim angle half_axes x y heights friction", "shape"),
+        ("point-on-surface", "read_point_on_surface read_sphere read_ellipsoid read_cylinder read_cone read_torus read_heights", "shape radius rim angle half_axes x y heights friction", "shape"),
         ("gear-pair", "read_gear_pair", "teeth inner pressure_angle friction", "teeth"), ("rack-pair", "read_rack_pair", "radius pressure_angle friction", ""),
         ("worm", "read_worm", "lead radius friction", "lead radius"))}
     | {"cable": ("read_joint read_through read_attach read_cable_joint", "type through length pull attach active", "through")},
@@ -63,7 +65,7 @@ PARTS = {
         "cable": ("read_through read_cable_force read_force", "type through stiffness damping length friction slip_speed active", "through stiffness"),
         "torque-motor": (f"read_force read_torque_motor {_FRAMES}", _TWO + "torque", "torque"),
         "force-motor": (f"read_force read_force_motor {_FRAMES}", _TWO + "force", "force")},
-    "surfaces": {t: ("read_surface read_surface_axes", _SURFACE + more, "body " + needed) for t, more, needed in (
+    "surfaces": {t: (_SURFACE_READERS, _SURFACE + more, "body " + needed) for t, more, needed in (
         ("plane", "point normal rotation", ""), ("sphere", "point radius", "radius"),
         ("capsule", "point radius length axis rotation", "radius length"), ("cylinder", "point radius length axis rotation", "radius length"),
         ("box", "point size rotation", "size"), ("mesh", "point file scale rotation", "file"), ("faces", "set divisions", ""),

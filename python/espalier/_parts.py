@@ -435,7 +435,8 @@ class Parts:
 
         shape "faces" (body as above):
         set: text. of faces: a face set of the solid's mesh
-        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
+        divisions: whole number, default 1. of a line: parts of each element (1 to 1000) with five points of
+            integration each
 
         shape "sprocket" (body, point, axis, rotation as above):
         teeth: whole number, default 17. of a sprocket for a roller chain: number of teeth (6 to 10,000), pitch of the

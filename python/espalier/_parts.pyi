@@ -57,7 +57,7 @@ class Mesh(TypedDict, total=False):
     file: text
     scale: number > 0, default 1
     part: one of block, connecting-rod, chain-link, crank, guide, bladed-rotor, spur-gear, tyre
-    unknowns: number > 0
+    unknowns: number > 0, default 1e4
     element: one of hex8, hex20, default hex8
     take: list of texts
     step: whole number, default 0
@@ -1850,7 +1850,8 @@ class Parts:
 
         body: text, needed. a rigid body or ground
         set: text. of faces: a face set of the solid's mesh
-        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
+        divisions: whole number, default 1. of a line: parts of each element (1 to 1000) with five points of
+            integration each
         """
     @overload
     def surface(
@@ -1889,7 +1890,8 @@ class Parts:
 
         body: text, needed. a rigid body or ground
         radius: number > 0 [length], needed. of a sphere, capsule or cylinder
-        divisions: whole number. of a line: parts of each element (1 to 1000) with five points of integration each
+        divisions: whole number, default 1. of a line: parts of each element (1 to 1000) with five points of
+            integration each
         """
     def contact(
         self, name: str, /, *, surfaces: Texts, stiffness: Number, active: bool = ..., against: Texts = ..., self_:

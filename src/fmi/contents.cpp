@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
 #include <charconv>
 
 #include "espalier/types.hpp"
@@ -12,7 +11,6 @@ namespace espalier::fmi {
 namespace {
 
 constexpr std::string_view kFirstLine = "espalier-fmu 1";
-constexpr std::array<std::string_view, 6> kKinds = {"time", "input", "output", "parameter", "state", "derivative"};
 
 /// Texts with line ends and blanks as one word.
 std::string word(std::string_view text) {
@@ -77,9 +75,14 @@ std::string to_text(const Contents& c) {
                                 word(c.model), c.end, c.adaptive ? 1 : 0);
   for (const std::string& set : c.set) out += fmt::format("set {}\n", word(set));
   for (const Variable& v : c.variables)
-    out += fmt::format("{} {} {} {}\n", kKinds[static_cast<std::size_t>(v.kind)], word(v.name), v.start, word(v.unit));
+    out += fmt::format("{} {} {} {}\n", row_of(v.kind).name, word(v.name), v.start, word(v.unit));
   for (const auto& [path, file] : c.files) out += fmt::format("file {} {}\n", word(path), word(file));
   return out;
+}
+
+const VariableKind& row_of(Variable::Kind kind) {
+  return *std::find_if(std::begin(kVariableKinds), std::end(kVariableKinds),
+                       [&](const auto& r) { return r.kind == kind; });
 }
 
 Contents parse_contents(std::string_view text) {
@@ -108,9 +111,10 @@ Contents parse_contents(std::string_view text) {
       std::string path = words.text();
       c.files.emplace_back(std::move(path), words.text());
     } else {
-      const auto* const kind = std::find(kKinds.begin(), kKinds.end(), key);
-      if (kind == kKinds.end()) damaged(line);
-      Variable v{static_cast<Variable::Kind>(kind - kKinds.begin()), words.text(), 0, {}};
+      const auto* const row = std::find_if(std::begin(kVariableKinds), std::end(kVariableKinds),
+                                           [&](const auto& r) { return r.name == key; });
+      if (row == std::end(kVariableKinds)) damaged(line);
+      Variable v{row->kind, words.text(), 0, {}};
       v.start = words.number();
       v.unit = words.text();
       c.variables.push_back(std::move(v));

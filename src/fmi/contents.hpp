@@ -19,6 +19,17 @@ struct Variable {
   std::string unit;  ///< empty: unknown
 };
 
+/// What a kind is called in resources/espalier.txt, and its causality in modelDescription.xml.
+struct VariableKind {
+  Variable::Kind kind;
+  std::string_view name, causality;
+};
+inline constexpr VariableKind kVariableKinds[] = {
+    {Variable::Kind::time, "time", "independent"}, {Variable::Kind::input, "input", "input"},
+    {Variable::Kind::output, "output", "output"},  {Variable::Kind::parameter, "parameter", "parameter"},
+    {Variable::Kind::state, "state", "local"},     {Variable::Kind::derivative, "derivative", "local"}};
+[[nodiscard]] const VariableKind& row_of(Variable::Kind kind);
+
 struct Contents {
   std::string token;                ///< instantiationToken, GUID
   std::string model;                ///< name of the model's text, for messages; its files are looked for beside it

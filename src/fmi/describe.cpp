@@ -99,10 +99,8 @@ class Writer {
 
   void variable(std::size_t k) {
     const Variable& v = c_.variables[k];
-    static constexpr const char* kCausality[] = {"independent", "input", "output", "parameter", "local", "local"};
-    std::string head =
-        fmt::format("name={} valueReference=\"{}\" causality=\"{}\" variability=\"{}\"", quoted(v.name), k,
-                    kCausality[static_cast<std::size_t>(v.kind)], v.kind == Kind::parameter ? "fixed" : "continuous");
+    std::string head = fmt::format("name={} valueReference=\"{}\" causality=\"{}\" variability=\"{}\"", quoted(v.name),
+                                   k, row_of(v.kind).causality, v.kind == Kind::parameter ? "fixed" : "continuous");
     if (v.kind == Kind::output || v.kind == Kind::state || v.kind == Kind::derivative)
       head += " initial=\"calculated\"";
     std::string of_real;

@@ -37,7 +37,7 @@ DeckChoice what_can_be_taken(const Deck& deck, std::string& left) {
     try {
       (void)dynamics::model::take_deck(deck, choice, "part");
     } catch (const Error& error) {
-      left += fmt::format("#   {}: {}\n", dynamics::kDeckWords[static_cast<std::size_t>(kind)], error.what());
+      left += fmt::format("#   {}: {}\n", name_of(dynamics::kDeckWords, kind), error.what());
       choice.kinds.erase(kind);
     }
   }
@@ -49,7 +49,7 @@ std::string words_of(const DeckChoice& choice) {
   if (choice.all) return "\"all\"";
   std::string words;
   for (const DeckKind kind : choice.kinds)
-    words += fmt::format("{}\"{}\"", words.empty() ? "" : ", ", dynamics::kDeckWords[static_cast<std::size_t>(kind)]);
+    words += fmt::format("{}\"{}\"", words.empty() ? "" : ", ", name_of(dynamics::kDeckWords, kind));
   return "[" + words + "]";
 }
 

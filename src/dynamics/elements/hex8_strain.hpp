@@ -7,6 +7,7 @@
 /// condenses the tangent, so the element stays a function of its nodal positions alone.
 #pragma once
 
+#include "base/named.hpp"
 #include "dynamics/elements/element.hpp"
 #include "dynamics/elements/material.hpp"
 
@@ -27,6 +28,11 @@ enum class Hex8Formulation {
   /// in-plane and four thickness enhanced parameters (Vu-Quoc and Tan 2003). For plates and shells, flat or curved.
   shell,
 };
+inline constexpr base::Named<Hex8Formulation> kHex8Formulations[] = {
+    {"full", Hex8Formulation::full},
+    {"mean-dilatation", Hex8Formulation::mean_dilatation},
+    {"enhanced", Hex8Formulation::enhanced},
+    {"shell", Hex8Formulation::shell}};
 
 /// Internal force, tangent and energy of one hex8. @return false when a point has turned inside out, or when Newton's
 /// method for the enhanced parameters fails (output undefined)

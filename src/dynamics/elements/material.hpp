@@ -4,12 +4,16 @@
 
 #include <cmath>
 
+#include "base/named.hpp"
+
 namespace espalier::dynamics {
 
 enum class SolidLaw {
   st_venant_kirchhoff,  ///< W = lambda/2 tr(E)^2 + mu E:E; large rotations, moderate strains
   neo_hookean,          ///< W = mu/2 (tr C - 3) - mu ln J + lambda/2 (ln J)^2 (Simo and Pister 1984); large strains
 };
+inline constexpr base::Named<SolidLaw> kSolidLaws[] = {{"st-venant-kirchhoff", SolidLaw::st_venant_kirchhoff},
+                                                       {"neo-hookean", SolidLaw::neo_hookean}};
 
 struct Material {
   SolidLaw law = SolidLaw::st_venant_kirchhoff;

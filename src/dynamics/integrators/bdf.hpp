@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 
+#include "base/named.hpp"
 #include "dynamics/dae/switching.hpp"
 #include "dynamics/dae/vectors.hpp"
 #include "dynamics/integrators/history.hpp"
@@ -23,6 +24,10 @@ enum class BdfIteration {
   full_tangent,  ///< Newton on the 3n + m system, U = orthonormal basis of the tangent space (QR of Phi_q^T)
   full_boolean,  ///< Newton on the 3n + m system, U = independent coordinates (LU of Phi_q with full pivoting)
 };
+inline constexpr base::Named<BdfIteration> kBdfIterations[] = {{"reduced", BdfIteration::reduced},
+                                                               {"full-matched", BdfIteration::full_matched},
+                                                               {"full-tangent", BdfIteration::full_tangent},
+                                                               {"full-boolean", BdfIteration::full_boolean}};
 
 /// Tolerances that follow from the model: the errors of all steps together stay at a part of its extent. A step of
 /// length h may have the share h / duration of that (errors per unit of time), so that long runs take no more of it.

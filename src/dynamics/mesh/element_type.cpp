@@ -37,21 +37,26 @@ constexpr std::array<FaceShape, 5> kPyramidFaces = {quad(kPyramid[0], false), tr
                                                     tri(kPyramid[4], false)};
 
 constexpr std::array<ElementShape, kElementTypes> kShapes = {{
-    {"point1", 1, 1, 0, 1, {}},
-    {"line2", 2, 2, 1, 3, {}},
-    {"line3", 3, 2, 1, 21, {}},
-    {"tri3", 3, 3, 2, 5, {}},
-    {"tri6", 6, 3, 2, 22, {}},
-    {"quad4", 4, 4, 2, 9, {}},
-    {"quad8", 8, 4, 2, 23, {}},
-    {"tet4", 4, 4, 3, 10, kTetFaces<false>},
-    {"tet10", 10, 4, 3, 24, kTetFaces<true>},
-    {"hex8", 8, 8, 3, 12, kHexFaces<false>},
-    {"hex20", 20, 8, 3, 25, kHexFaces<true>},
-    {"wedge6", 6, 6, 3, 13, kWedgeFaces<false>},
-    {"wedge15", 15, 6, 3, 26, kWedgeFaces<true>},
-    {"pyramid5", 5, 5, 3, 14, kPyramidFaces},
+    {ElementType::point1, "point1", 1, 1, 0, 1, {}},
+    {ElementType::line2, "line2", 2, 2, 1, 3, {}},
+    {ElementType::line3, "line3", 3, 2, 1, 21, {}},
+    {ElementType::tri3, "tri3", 3, 3, 2, 5, {}},
+    {ElementType::tri6, "tri6", 6, 3, 2, 22, {}},
+    {ElementType::quad4, "quad4", 4, 4, 2, 9, {}},
+    {ElementType::quad8, "quad8", 8, 4, 2, 23, {}},
+    {ElementType::tet4, "tet4", 4, 4, 3, 10, kTetFaces<false>},
+    {ElementType::tet10, "tet10", 10, 4, 3, 24, kTetFaces<true>},
+    {ElementType::hex8, "hex8", 8, 8, 3, 12, kHexFaces<false>},
+    {ElementType::hex20, "hex20", 20, 8, 3, 25, kHexFaces<true>},
+    {ElementType::wedge6, "wedge6", 6, 6, 3, 13, kWedgeFaces<false>},
+    {ElementType::wedge15, "wedge15", 15, 6, 3, 26, kWedgeFaces<true>},
+    {ElementType::pyramid5, "pyramid5", 5, 5, 3, 14, kPyramidFaces},
 }};
+static_assert([] {
+  for (std::size_t k = 0; k < kShapes.size(); ++k)
+    if (static_cast<std::size_t>(kShapes[k].type) != k) return false;
+  return true;
+}());
 
 }  // namespace
 

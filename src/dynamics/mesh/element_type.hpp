@@ -40,6 +40,7 @@ struct FaceShape {
 
 /// What is fixed for one element shape.
 struct ElementShape {
+  ElementType type;
   std::string_view name;             ///< "tet10"
   int nodes;                         ///< number of nodes
   int corners;                       ///< the first `corners` nodes are corners

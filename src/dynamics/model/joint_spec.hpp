@@ -30,6 +30,8 @@ struct Formula {
 /// How a frame holds the nodes of a face: all of them as one rigid piece, or their mean position and rotation alone, so
 /// that the face may still bend and warp. Automatic: rigid in fixed joints, else the mean.
 enum class Attach { automatic, mean, rigid };
+/// Without `automatic`, which is said by leaving the key out.
+inline constexpr base::Named<Attach> kAttachments[] = {{"mean", Attach::mean}, {"rigid", Attach::rigid}};
 
 /// A place on a body (or the ground) with axes: what joints and forces hold on to.
 struct MarkerSpec {

@@ -9,6 +9,7 @@
 #include <variant>
 #include <vector>
 
+#include "base/named.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
@@ -33,6 +34,8 @@ struct EventSpec {
 };
 
 enum class Method { bdf, generalized_alpha };
+inline constexpr base::Named<Method> kMethods[] = {{"bdf", Method::bdf},
+                                                   {"generalized-alpha", Method::generalized_alpha}};
 
 struct IntegratorSpec {
   Place place;
@@ -90,6 +93,8 @@ struct ControllerSpec {
 };
 
 enum class PictureFormat { vtkhdf, vtu };
+inline constexpr base::Named<PictureFormat> kPictureFormats[] = {{"vtkhdf", PictureFormat::vtkhdf},
+                                                                 {"vtu", PictureFormat::vtu}};
 
 /// Points of a body's material on straight lines, and what is asked for at each.
 struct PathSpec {

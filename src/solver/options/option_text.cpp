@@ -9,6 +9,7 @@
 #include <cmath>
 #include <limits>
 
+#include "base/named.hpp"
 #include "plan/machine_model.hpp"
 #include "solver/options/device_text.hpp"
 #include "solver/options/option_check.hpp"
@@ -41,21 +42,19 @@ bool parse_switch(std::string_view key, std::string_view value) {
 }
 
 template <class T, std::size_t N>
-T parse_name(std::string_view key, std::string_view value, const std::array<std::pair<std::string_view, T>, N>& names) {
+T parse_name(std::string_view key, std::string_view value, const base::Named<T> (&rows)[N]) {
   std::string expected;
   for (std::size_t i = 0; i < N; ++i) {
-    if (value == names[i].first) return names[i].second;
-    expected += fmt::format("{}{}", i == 0 ? "" : (i + 1 == N ? " or " : ", "), names[i].first);
+    if (value == rows[i].name) return rows[i].value;
+    expected += fmt::format("{}{}", i == 0 ? "" : (i + 1 == N ? " or " : ", "), rows[i].name);
   }
   reject(key, value, expected);
 }
 
-constexpr std::array<std::pair<std::string_view, Kind>, 4> kKinds{
-    {{"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}}};
-constexpr std::array<std::pair<std::string_view, Precision>, 4> kPrecisions{{{"fp64", Precision::fp64},
-                                                                             {"fp32", Precision::fp32},
-                                                                             {"mixed", Precision::mixed},
-                                                                             {"auto", Precision::automatic}}};
+constexpr base::Named<Kind> kKinds[] = {
+    {"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}};
+constexpr base::Named<Precision> kPrecisions[] = {
+    {"fp64", Precision::fp64}, {"fp32", Precision::fp32}, {"mixed", Precision::mixed}, {"auto", Precision::automatic}};
 
 using Setter = void (*)(Options&, std::string_view key, std::string_view value);
 struct OptionText {
@@ -103,13 +102,12 @@ void set_machine(Options& options, std::string_view, std::string_view value) {
   options.machine = value;
 }
 
-constexpr std::array<std::pair<std::string_view, SingularMatrix>, 3> kSingular{
-    {{"error", SingularMatrix::error},
-     {"report", SingularMatrix::report},
-     {"null_vectors", SingularMatrix::null_vectors}}};
+constexpr base::Named<SingularMatrix> kSingular[] = {{"error", SingularMatrix::error},
+                                                     {"report", SingularMatrix::report},
+                                                     {"null_vectors", SingularMatrix::null_vectors}};
 
-constexpr std::array<std::pair<std::string_view, Rescale>, 3> kRescale{
-    {{"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}}};
+constexpr base::Named<Rescale> kRescale[] = {
+    {"off", Rescale::off}, {"on", Rescale::on}, {"equilibration", Rescale::equilibration}};
 
 constexpr std::array<OptionText, 22> kOptions{{
     {"kind", [](Options& o, std::string_view k, std::string_view v) { o.kind = parse_name(k, v, kKinds); }},
@@ -217,9 +215,9 @@ std::vector<std::string_view> option_keys() {
   return keys;
 }
 
-std::string_view name_of(Kind kind) { return kKinds[static_cast<std::size_t>(kind)].first; }
+std::string_view name_of(Kind kind) { return base::name_of(kKinds, kind); }
 
-std::string_view name_of(Precision precision) { return kPrecisions[static_cast<std::size_t>(precision)].first; }
+std::string_view name_of(Precision precision) { return base::name_of(kPrecisions, precision); }
 
 std::string_view name_of(StatusCode code) {
   switch (code) {

@@ -4,6 +4,7 @@
 #include <limits>
 #include <span>
 
+#include "base/named.hpp"
 #include "device/cuda/executor/executor_on_devices.hpp"
 
 namespace espalier::device::cuda {
@@ -110,7 +111,10 @@ std::vector<std::vector<TaskTime>> ExecutorOnDevices<T>::task_times() const {
 
 template <class T>
 void ExecutorOnDevices<T>::record(double began) {
-  constexpr const char* kNames[] = {"whole front", "diagonal tile", "row block", "row block of two columns"};
+  constexpr base::Named<Work> kWork[] = {{"whole front", Work::whole},
+                                         {"diagonal tile", Work::diagonal},
+                                         {"row block", Work::block},
+                                         {"row block of two columns", Work::two_columns}};
   const auto times = task_times();
   for (std::size_t d = 0; d < times.size(); ++d) {
     std::uint64_t first = ~std::uint64_t{0};
@@ -125,7 +129,7 @@ void ExecutorOnDevices<T>::record(double began) {
       int& track = tracks[t.block];
       if (track < 0) track = options_.timeline->add_track(sides_[d]->name(), fmt::format("block {}", t.block));
       options_.timeline->record(
-          track, {kNames[static_cast<int>(task.work)], task.front, task.block, task.column,
+          track, {name_of(kWork, task.work), task.front, task.block, task.column,
                   began + 1e-9 * static_cast<double>(t.begin - first),
                   began + 1e-9 * static_cast<double>(t.end - first), 0, 0, 1e-9 * static_cast<double>(t.waited)});
     }

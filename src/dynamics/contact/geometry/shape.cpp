@@ -42,8 +42,7 @@ void check_shape(const Shape& shape) {
 }
 
 const char* shape_name(const Shape& shape) {
-  constexpr const char* kNames[] = {"plane", "sphere", "capsule", "cylinder", "box", "mesh"};
-  return kNames[shape.index()];
+  return std::visit([](const auto& s) { return s.kName; }, shape);
 }
 
 Box box_around(const PlacedShape& p) {

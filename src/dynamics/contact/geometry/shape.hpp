@@ -13,23 +13,30 @@
 namespace espalier::dynamics::contact {
 
 /// The half space below z = 0.
-struct PlaneShape {};
+struct PlaneShape {
+  static constexpr const char* kName = "plane";
+};
 /// About the origin.
 struct SphereShape {
+  static constexpr const char* kName = "sphere";
   double radius = 0;
 };
 /// What is within `radius` of the segment from -half_length to half_length on z.
 struct CapsuleShape {
+  static constexpr const char* kName = "capsule";
   double radius = 0, half_length = 0;
 };
 /// With flat ends; axis z.
 struct CylinderShape {
+  static constexpr const char* kName = "cylinder";
   double radius = 0, half_length = 0;
 };
 struct BoxShape {
+  static constexpr const char* kName = "box";
   Vec3 half;  ///< half its edges
 };
 struct MeshShape {
+  static constexpr const char* kName = "mesh";
   std::shared_ptr<const TriangleSurface> surface;
 };
 using Shape = std::variant<PlaneShape, SphereShape, CapsuleShape, CylinderShape, BoxShape, MeshShape>;

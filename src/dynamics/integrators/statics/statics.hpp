@@ -13,6 +13,7 @@
 #include <string>
 #include <vector>
 
+#include "base/named.hpp"
 #include "dynamics/dae/equations.hpp"
 
 namespace espalier::dynamics {
@@ -25,6 +26,10 @@ enum class StaticPath {
   relaxation,  ///< no path: the whole load at once, damped like a motion (pseudo-transient continuation)
   linear       ///< none either: small displacements, see linear_statics.hpp
 };
+/// Without `linear`, which is a key of its own.
+inline constexpr base::Named<StaticPath> kStaticPaths[] = {{"automatic", StaticPath::automatic},
+                                                           {"load-steps", StaticPath::load_steps},
+                                                           {"relaxation", StaticPath::relaxation}};
 
 struct StaticsOptions {
   /// The tolerance of the residual, sqrt(sum r_i^2 / m_ii), relative to the largest of loads and reactions on the path;

@@ -10,6 +10,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/named.hpp"
 #include "dynamics/mesh/line_sections.hpp"
 #include "dynamics/mesh/mesh.hpp"
 #include "dynamics/mesh/shell_sections.hpp"
@@ -32,9 +33,12 @@ enum class DeckKind : std::uint8_t {
   step,        ///< statics, modes, or a motion
   others       ///< what cannot be taken
 };
-inline constexpr std::array<const char*, 12> kDeckWords = {"boundary",  "cload",    "dload",      "gravity",
-                                                           "springs",   "dashpots", "masses",     "couplings",
-                                                           "equations", "ties",     "connectors", "step"};
+/// Without `others`.
+inline constexpr base::Named<DeckKind> kDeckWords[] = {
+    {"boundary", DeckKind::boundary}, {"cload", DeckKind::cload},           {"dload", DeckKind::dload},
+    {"gravity", DeckKind::gravity},   {"springs", DeckKind::springs},       {"dashpots", DeckKind::dashpots},
+    {"masses", DeckKind::masses},     {"couplings", DeckKind::couplings},   {"equations", DeckKind::equations},
+    {"ties", DeckKind::ties},         {"connectors", DeckKind::connectors}, {"step", DeckKind::step}};
 
 struct DeckPlace {
   std::string file;

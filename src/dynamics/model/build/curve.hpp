@@ -6,6 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "base/named.hpp"
+
 namespace espalier::dynamics::model {
 
 /// A value with its first two derivatives by x.
@@ -55,6 +57,13 @@ class Curve {
   std::vector<double> corners_;        // their x
   Outside outside_;
 };
+
+inline constexpr base::Named<Curve::Kind> kCurveKinds[] = {{"linear", Curve::Kind::linear},
+                                                           {"akima", Curve::Kind::akima},
+                                                           {"monotone", Curve::Kind::monotone},
+                                                           {"cubic", Curve::Kind::cubic}};
+inline constexpr base::Named<Curve::Outside> kCurveOutsides[] = {
+    {"constant", Curve::Outside::constant}, {"linear", Curve::Outside::linear}, {"error", Curve::Outside::error}};
 
 using CurvePtr = std::shared_ptr<const Curve>;
 

@@ -125,7 +125,7 @@ std::optional<std::string> locking_notice(const BuiltBody& body) {
                : fmt::format(
                      "'{}' has hex8 = \"{}\", which locks: in bending such elements are far too stiff. hex8 = "
                      "\"enhanced\" bends exactly",
-                     body.spec.name, hex8 == Hex8Formulation::full ? "full" : "mean-dilatation");
+                     body.spec.name, name_of(kHex8Formulations, hex8));
   if (walls)
     return fmt::format(
         "'{}' has hex20 elements that are thin and curved: with full integration they may be a third too stiff in "
@@ -157,7 +157,7 @@ std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q
   return fmt::format(
       "elements of '{}' are compressed to {:.2f} of their length: hex8 = \"{}\" may lose its stability there, in the "
       "shape of hourglasses, sooner the flatter they are; \"mean-dilatation\" and \"full\" do not",
-      body.spec.name, least, shell ? "shell" : "enhanced");
+      body.spec.name, least, name_of(kHex8Formulations, solid->options.hex8));
 }
 
 }  // namespace espalier::dynamics::model

@@ -11,7 +11,7 @@ namespace {
 
 std::vector<std::string> known_words() {
   std::vector<std::string> words = {"all"};
-  words.insert(words.end(), kDeckWords.begin(), kDeckWords.end());
+  for (const auto& row : kDeckWords) words.emplace_back(row.name);
   return words;
 }
 
@@ -20,10 +20,11 @@ void add_word(DeckChoice& choice, const std::string& word, const Place& place) {
     choice.all = true;
     return;
   }
-  const auto found = std::find(kDeckWords.begin(), kDeckWords.end(), word);
-  if (found == kDeckWords.end())
+  const auto* found =
+      std::find_if(std::begin(kDeckWords), std::end(kDeckWords), [&](const auto& row) { return row.name == word; });
+  if (found == std::end(kDeckWords))
     fail(place, fmt::format("'{}' cannot be taken{}", word, suggestion(word, known_words())));
-  choice.kinds.insert(static_cast<DeckKind>(found - kDeckWords.begin()));
+  choice.kinds.insert(found->value);
 }
 
 }  // namespace
@@ -62,8 +63,7 @@ void Taker::refuse_left() const {
   }
   if (first == nullptr) return;
   std::string others;
-  for (const char* word : kDeckWords) {
-    const auto kind = static_cast<DeckKind>(std::find(kDeckWords.begin(), kDeckWords.end(), word) - kDeckWords.begin());
+  for (const auto& [word, kind] : kDeckWords) {
     if (!choice_.takes(kind)) continue;
     const bool whole =
         std::none_of(deck_.left.begin(), deck_.left.end(), [&](const auto& l) { return l.first.first == kind; });

@@ -15,7 +15,9 @@ namespace espalier::dynamics::model {
 namespace {
 
 constexpr double kNever = std::numeric_limits<double>::infinity();
-constexpr const char* kLimitNames[] = {"strain", "stress", "principal_stress"};
+constexpr base::Named<Erosion::Limit> kLimits[] = {{"strain", Erosion::Limit::strain},
+                                                   {"stress", Erosion::Limit::stress},
+                                                   {"principal_stress", Erosion::Limit::principal_stress}};
 
 /// Numbers in the order 11 22 33 12 23 13 as a matrix. @param shear  factor of the last three
 Mat3 tensor_of(const double (&n)[6], double shear) {
@@ -188,7 +190,7 @@ std::vector<std::string> Erosion::notices() const {
     out.push_back(fmt::format("'{}': {} of {} elements failed, the first, element {}, at t = {:g} with {} = {:g}{}",
                               body.built->spec.name, body.count, body.failed_at.size(),
                               body.samples->element_label(body.first.element), first,
-                              kLimitNames[static_cast<int>(body.first.limit)], body.first.value,
+                              name_of(kLimits, body.first.limit), body.first.value,
                               last > first ? fmt::format(", the last at t = {:g}", last) : ""));
   }
   if (!out.empty()) out.back() += fmt::format("; {:g} of energy was lost with what failed", energy_);
@@ -226,7 +228,7 @@ void Erosion::restore(ConstSpan& in) {
     const auto elements = static_cast<double>(body.failed_at.size());
     const Index count = whole(0, elements + 1);
     body.first.element = whole(-1, elements);
-    body.first.limit = static_cast<Limit>(whole(0, 3));
+    body.first.limit = static_cast<Limit>(whole(0, std::size(kLimits)));
     body.first.value = take();
     std::vector<double> failed_at(body.failed_at.size(), kNever);
     for (Index k = 0; k < count; ++k) {

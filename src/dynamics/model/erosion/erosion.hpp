@@ -55,8 +55,9 @@ class Erosion final : public Component, public Remembers {
   void save(std::vector<double>& out) const override;
   void restore(ConstSpan& in) override;
 
- private:
   enum class Limit { strain, stress, principal_stress };
+
+ private:
   /// An element at its worst point.
   struct Passed {
     Index element = -1;

@@ -91,10 +91,8 @@ class Exporter {
     variables();
     pack(path, result);
     result.path = path;
-    for (const Variable& v : contents_.variables) {
-      static constexpr const char* kKinds[] = {"time", "input", "output", "parameter", "state", "derivative"};
-      result.variables.push_back({v.name, kKinds[static_cast<std::size_t>(v.kind)], v.unit, v.start});
-    }
+    for (const Variable& v : contents_.variables)
+      result.variables.push_back({v.name, std::string(fmi::row_of(v.kind).name), v.unit, v.start});
     for (const auto& file : recording_.files) result.files.push_back(file.first);
     result.model_exchange = why_not_.empty();
     result.no_model_exchange = why_not_;

@@ -7,8 +7,6 @@
 namespace espalier::dynamics::model {
 namespace {
 
-enum class Form { sphere, ellipsoid, cylinder, cone, torus, heights };
-
 SurfacePtr read_heights(Section& s) {
   const std::vector<double> x = s.numbers("x"), y = s.numbers("y");
   for (const auto& [key, line] : {std::pair{"x", &x}, std::pair{"y", &y}})
@@ -29,37 +27,36 @@ SurfacePtr read_heights(Section& s) {
   return height_surface(x, y, std::move(heights));
 }
 
-SurfacePtr read_form(Section& s) {
-  const auto form =
-      static_cast<Form>(s.choice("shape", {"sphere", "ellipsoid", "cylinder", "cone", "torus", "heights"}));
-  switch (form) {
-    case Form::sphere:
-      return sphere_surface(s.positive("radius"));
-    case Form::cylinder:
-      return cylinder_surface(s.positive("radius"));
-    case Form::ellipsoid: {
-      const Vec3 axes = s.vector("half_axes");
-      if (!(axes.minCoeff() > 0)) fail(s.place("half_axes"), "must be greater than 0, all three");
-      return ellipsoid_surface(axes);
-    }
-    case Form::cone: {
-      const double angle = s.positive("angle");
-      if (!(angle < std::numbers::pi / 2))
-        fail(s.place("angle"), "between the axis and the surface must be less than a right angle, pi/2");
-      return cone_surface(angle);
-    }
-    case Form::torus: {
-      const double radius = s.positive("radius"), rim = s.positive("rim");
-      if (!(rim < radius)) fail(s.place("rim"), "must be less than 'radius', that of the circle in the tube");
-      return torus_surface(radius, rim);
-    }
-    case Form::heights:
-      break;
-  }
-  return read_heights(s);
+SurfacePtr read_sphere(Section& s) { return sphere_surface(s.positive("radius")); }
+
+SurfacePtr read_ellipsoid(Section& s) {
+  const Vec3 axes = s.vector("half_axes");
+  if (!(axes.minCoeff() > 0)) fail(s.place("half_axes"), "must be greater than 0, all three");
+  return ellipsoid_surface(axes);
 }
 
-void read_point_on_surface(Section& s, JointSpec& j, Description& /*model*/) { j.surface = read_form(s); }
+SurfacePtr read_cylinder(Section& s) { return cylinder_surface(s.positive("radius")); }
+
+SurfacePtr read_cone(Section& s) {
+  const double angle = s.positive("angle");
+  if (!(angle < std::numbers::pi / 2))
+    fail(s.place("angle"), "between the axis and the surface must be less than a right angle, pi/2");
+  return cone_surface(angle);
+}
+
+SurfacePtr read_torus(Section& s) {
+  const double radius = s.positive("radius"), rim = s.positive("rim");
+  if (!(rim < radius)) fail(s.place("rim"), "must be less than 'radius', that of the circle in the tube");
+  return torus_surface(radius, rim);
+}
+
+constexpr base::Named<SurfacePtr (*)(Section&)> kForms[] = {{"sphere", read_sphere},     {"ellipsoid", read_ellipsoid},
+                                                            {"cylinder", read_cylinder}, {"cone", read_cone},
+                                                            {"torus", read_torus},       {"heights", read_heights}};
+
+void read_point_on_surface(Section& s, JointSpec& j, Description& /*model*/) {
+  j.surface = s.one_of("shape", kForms)(s);
+}
 
 std::unique_ptr<Joint> make_point_on_surface(const JointSpec& j, std::vector<FramePtr> f, const JointStart& /*start*/) {
   return point_on_surface(j.name, std::move(f[0]), std::move(f[1]), j.surface);

@@ -82,10 +82,7 @@ Mat3 read_axes(Section& s, bool& given) {
   return axes;
 }
 
-Attach read_attach(Section& s) {
-  if (!s.has("attach")) return Attach::automatic;
-  return s.choice("attach", {"mean", "rigid"}) == 1 ? Attach::rigid : Attach::mean;
-}
+Attach read_attach(Section& s) { return s.one_of("attach", kAttachments, Attach::automatic); }
 
 MarkerSpec read_marker(const Value& value, const std::string& name) {
   MarkerSpec m;

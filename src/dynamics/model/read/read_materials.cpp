@@ -16,7 +16,7 @@ Material BodyMaterials::read_material(const Value& value) const {
   Section s(value);
   Material m;
   check_material(s, value);
-  m.law = static_cast<SolidLaw>(s.choice("law", {"st-venant-kirchhoff", "neo-hookean"}, 0));
+  m.law = s.one_of("law", kSolidLaws, m.law);
   m.young = s.positive("young");
   m.poisson = s.number("poisson", 0);
   if (!(m.poisson > -1 && m.poisson < 0.5))

@@ -145,6 +145,8 @@ constexpr MesherRow kMeshers[] = {{"block", read_block},    {"connecting-rod", r
                                   {"crank", read_crank},    {"guide", read_guide},        {"bladed-rotor", read_rotor},
                                   {"spur-gear", read_gear}, {"tyre", read_tyre}};
 
+constexpr base::Named<ElementType> kMesherElements[] = {{"hex8", ElementType::hex8}, {"hex20", ElementType::hex20}};
+
 void read_take(Section& mesh, MeshFile& file) {
   file.take = mesh.texts("take");
   if (file.take.empty()) return;
@@ -182,7 +184,7 @@ std::variant<MeshFile, MesherSpec> read_mesh_source(Section s, const Description
   MesherSpec part;
   const MesherRow& mesher = s.row("part", kMeshers);
   part.size.unknowns = s.positive("unknowns", part.size.unknowns);
-  part.size.type = s.choice("element", {"hex8", "hex20"}, 0) == 0 ? ElementType::hex8 : ElementType::hex20;
+  part.size.type = s.one_of("element", kMesherElements, part.size.type);
   part.shape = mesher.read(s, model.units);
   s.finish();
   return part;

@@ -32,8 +32,7 @@ void read_bdf(Section& s, BdfOptions& o) {
   o.newton_tolerance = s.positive("newton_tolerance", o.newton_tolerance);
   o.refactor_rate = s.positive("refactor_rate", o.refactor_rate);
   o.refactor_step = s.positive("refactor_step", o.refactor_step);
-  o.iteration =
-      static_cast<BdfIteration>(s.choice("iteration", {"reduced", "full-matched", "full-tangent", "full-boolean"}, 0));
+  o.iteration = s.one_of("iteration", kBdfIterations, o.iteration);
 }
 
 void read_alpha(Section& s, AlphaOptions& o) {
@@ -59,7 +58,7 @@ void read_integrator(Section s, IntegratorSpec& out) {
   out.steps = s.integer("steps", 1, 0);
   out.end = out.steps > 0 && !s.has("end") ? std::numeric_limits<double>::infinity() : s.number("end");
   if (!(out.end > out.start)) fail(s.place("end"), fmt::format("must be later than the start, {}", out.start));
-  out.method = static_cast<Method>(s.choice("method", {"bdf", "generalized-alpha"}, 0));
+  out.method = s.one_of("method", kMethods, out.method);
   if (out.method == Method::bdf) {
     for (const char* key : {"relative", "absolute", "absolute_velocity", "test_velocity"})
       out.states_tolerances = out.states_tolerances || s.has(key);
@@ -101,7 +100,7 @@ void read_statics_options(Section& s, StaticsOptions& o, bool run) {
   o.max_iterations = s.integer("max_iterations", 1, o.max_iterations);
   o.max_factorizations = s.integer("max_factorizations", 1, o.max_factorizations);
   o.pseudo_time = s.positive("pseudo_time", o.pseudo_time);
-  o.path = static_cast<StaticPath>(s.choice("path", {"automatic", "load-steps", "relaxation"}, 0));
+  o.path = s.one_of("path", kStaticPaths, o.path);
 }
 
 StaticsSpec read_statics(Section s) {
@@ -177,7 +176,7 @@ void read_output(Section s, OutputSpec& out) {
   out.envelopes = s.texts("envelopes");
   out.csv_interval = read_interval(s, "csv_interval", 0);
   out.vtu_interval = read_interval(s, "vtu_interval", -1);
-  out.format = s.choice("format", {"vtkhdf", "vtu"}, 0) == 0 ? PictureFormat::vtkhdf : PictureFormat::vtu;
+  out.format = s.one_of("format", kPictureFormats, out.format);
   out.restart_interval = read_interval(s, "restart_interval", -1);
   out.energies = s.flag("energies", true);
   out.constraints = s.flag("constraints", true);

@@ -50,8 +50,7 @@ BodyShape read_solid(Section& s, BodyMaterials& materials) {
   materials.read_sets(s, solid);
   if (!solid.material && !std::holds_alternative<MeshFile>(solid.mesh)) fail(s.place(), kNeedsMaterial);
   solid.element_set = s.text("element_set", "");
-  solid.options.hex8 =
-      static_cast<Hex8Formulation>(s.choice("hex8", {"full", "mean-dilatation", "enhanced", "shell"}, 2));
+  solid.options.hex8 = s.one_of("hex8", kHex8Formulations, solid.options.hex8);
   solid.options.reduced_hex20 = s.flag("reduced_hex20", false);
   if (auto e = s.table("erosion")) solid.erosion = read_erosion(*e);
   return solid;

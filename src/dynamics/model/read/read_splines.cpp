@@ -41,12 +41,13 @@ bool to_number(std::string_view text, double& number) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
+constexpr base::Named<char> kSeparators[] = {{"comma", ','}, {"semicolon", ';'}, {"tab", '\t'}, {"space", ' '}};
+
 /// One CSV file: a header or none, columns by name or by number from 1.
 class CsvTable {
  public:
   CsvTable(const std::string& path, Section& s) : path_(path), text_(read_whole_file(path)) {
-    static const std::vector<std::string> kNames = {"comma", "semicolon", "tab", "space"};
-    separator_ = ",;\t "[s.choice("separator", kNames, guess())];
+    separator_ = s.one_of("separator", kSeparators, guess());
     x_ = s.value("x");
     y_ = s.value("y");
   }
@@ -69,13 +70,13 @@ class CsvTable {
     throw Error(StatusCode::invalid_input, fmt::format("{}:{}: {}", path_, line, what));
   }
   /// By the first line that is no comment.
-  [[nodiscard]] int guess() const {
+  [[nodiscard]] char guess() const {
     std::size_t at = 0;
     while (at < text_.size() && text_[at] == '#') at = std::min(text_.find('\n', at), text_.size() - 1) + 1;
     const std::string_view line = std::string_view(text_).substr(at, text_.find('\n', at) - at);
-    for (const int k : {1, 2, 0})
-      if (line.find(",;\t"[k]) != std::string_view::npos) return k;
-    return 3;
+    for (const char c : {';', '\t', ','})
+      if (line.find(c) != std::string_view::npos) return c;
+    return ' ';
   }
   void read_row(const std::vector<std::string>& row, int line, Points& out) {
     double x = 0, y = 0;
@@ -149,8 +150,8 @@ std::string digest(const Points& p) {
 
 CurvePtr read_spline(const std::string& name, const Value& value, const std::string& folder, ModelKeys& keys) {
   Section s(value);
-  const auto kind = static_cast<Curve::Kind>(s.choice("kind", {"linear", "akima", "monotone", "cubic"}, 1));
-  const auto outside = static_cast<Curve::Outside>(s.choice("outside", {"constant", "linear", "error"}, 2));
+  const auto kind = s.one_of("kind", kCurveKinds, Curve::Kind::akima);
+  const auto outside = s.one_of("outside", kCurveOutsides, Curve::Outside::error);
   if (s.has("file") == s.has("points")) fail(s.place(), "needs either 'file' or 'points'");
   Points p;
   try {

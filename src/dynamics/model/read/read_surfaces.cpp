@@ -7,9 +7,6 @@
 namespace espalier::dynamics::model {
 namespace {
 
-const std::vector<std::string> kShapeNames = {"plane", "sphere", "capsule",  "cylinder", "box",
-                                              "mesh",  "faces",  "sprocket", "line"};
-
 /// Axes whose z is a direction.
 Mat3 axes_along(const Vec3& z, const Place& place) {
   if (!(z.norm() > 0)) fail(place, "must not be zero");
@@ -26,68 +23,91 @@ Mat3 read_surface_axes(Section& s, const std::string& key) {
 constexpr int kMostTeeth = 10000;     // each takes about 100 triangles
 constexpr int kMostDivisions = 1000;  // of an element, each with five points
 
+void read_faces_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  SolidFaces faces;
+  faces.set = s.text("set", "");
+  faces.divisions = s.integer("divisions", 1, faces.divisions, kMostDivisions);
+  out.shape = faces;
+}
+
+void read_line_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  LineSurface line;
+  line.radius = s.positive("radius");
+  line.divisions = s.integer("divisions", 1, line.divisions, kMostDivisions);
+  out.shape = line;
+}
+
+void read_sprocket_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  contact::SprocketShape sprocket;
+  sprocket.teeth = s.integer("teeth", 6, sprocket.teeth, kMostTeeth);
+  sprocket.pitch = s.positive("pitch");
+  sprocket.roller_radius = s.positive("roller_radius");
+  sprocket.width = s.positive("width");
+  sprocket.tip = s.positive("tip", sprocket.tip);
+  out.shape = sprocket;
+  out.axes = read_surface_axes(s, "axis");
+}
+
+void read_plane_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  out.shape = contact::Shape(contact::PlaneShape{});
+  out.axes = read_surface_axes(s, "normal");
+}
+
+void read_sphere_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  out.shape = contact::Shape(contact::SphereShape{s.positive("radius")});
+}
+
+template <class Shape>
+void read_round_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  const double radius = s.positive("radius"), half = 0.5 * s.positive("length");
+  out.shape = contact::Shape(Shape{radius, half});
+  out.axes = read_surface_axes(s, "axis");
+}
+
+void read_box_surface(Section& s, SurfaceSpec& out, const std::string& /*folder*/) {
+  const Vec3 size = s.vector("size");
+  if (!(size.minCoeff() > 0)) fail(s.place("size"), "needs three lengths greater than 0");
+  out.shape = contact::Shape(contact::BoxShape{0.5 * size});
+  out.axes = s.rotation("rotation");
+}
+
+void read_mesh_surface(Section& s, SurfaceSpec& out, const std::string& folder) {
+  SurfaceFile file{s.text("file"), Vec3::Ones()};
+  if (const Value* scale = s.value("scale"); scale != nullptr && scale->type == Value::Type::array) {
+    file.scale = s.vector("scale");
+    if (file.scale.prod() == 0) fail(s.place("scale"), "needs three factors, none of them 0");
+  } else {
+    file.scale.setConstant(s.positive("scale", 1));
+  }
+  if (!file.path.empty() && file.path.front() != '/' && !folder.empty()) file.path = folder + "/" + file.path;
+  out.shape = std::move(file);
+  out.axes = s.rotation("rotation");
+}
+
+struct ShapeRow {
+  const char* name;
+  void (*read)(Section& s, SurfaceSpec& out, const std::string& folder);
+  bool placed = true;  ///< at a point of its body; others are where the body's elements are
+};
+constexpr ShapeRow kShapes[] = {{"plane", read_plane_surface},
+                                {"sphere", read_sphere_surface},
+                                {"capsule", read_round_surface<contact::CapsuleShape>},
+                                {"cylinder", read_round_surface<contact::CylinderShape>},
+                                {"box", read_box_surface},
+                                {"mesh", read_mesh_surface},
+                                {"faces", read_faces_surface, false},
+                                {"sprocket", read_sprocket_surface},
+                                {"line", read_line_surface, false}};
+
 SurfaceSpec read_surface(const std::string& name, const Value& value, const std::string& folder) {
   Section s(value);
   SurfaceSpec out;
   out.place = value.place;
   out.name = name;
   out.body = s.text("body");
-  const int kind = s.choice("shape", kShapeNames);
-  if (kind == 6) {
-    SolidFaces faces;
-    faces.set = s.text("set", "");
-    faces.divisions = s.integer("divisions", 1, faces.divisions, kMostDivisions);
-    out.shape = faces;
-    s.finish();
-    return out;
-  }
-  if (kind == 8) {
-    LineSurface line;
-    line.radius = s.positive("radius");
-    line.divisions = s.integer("divisions", 1, line.divisions, kMostDivisions);
-    out.shape = line;
-    s.finish();
-    return out;
-  }
-  out.point = s.vector("point", Vec3::Zero());
-  if (kind == 7) {
-    contact::SprocketShape sprocket;
-    sprocket.teeth = s.integer("teeth", 6, sprocket.teeth, kMostTeeth);
-    sprocket.pitch = s.positive("pitch");
-    sprocket.roller_radius = s.positive("roller_radius");
-    sprocket.width = s.positive("width");
-    sprocket.tip = s.positive("tip", sprocket.tip);
-    out.shape = sprocket;
-    out.axes = read_surface_axes(s, "axis");
-  } else if (kind == 0) {
-    out.shape = contact::Shape(contact::PlaneShape{});
-    out.axes = read_surface_axes(s, "normal");
-  } else if (kind == 1) {
-    out.shape = contact::Shape(contact::SphereShape{s.positive("radius")});
-  } else if (kind == 2 || kind == 3) {
-    const double radius = s.positive("radius"), half = 0.5 * s.positive("length");
-    if (kind == 2)
-      out.shape = contact::Shape(contact::CapsuleShape{radius, half});
-    else
-      out.shape = contact::Shape(contact::CylinderShape{radius, half});
-    out.axes = read_surface_axes(s, "axis");
-  } else if (kind == 4) {
-    const Vec3 size = s.vector("size");
-    if (!(size.minCoeff() > 0)) fail(s.place("size"), "needs three lengths greater than 0");
-    out.shape = contact::Shape(contact::BoxShape{0.5 * size});
-    out.axes = s.rotation("rotation");
-  } else {
-    SurfaceFile file{s.text("file"), Vec3::Ones()};
-    if (const Value* scale = s.value("scale"); scale != nullptr && scale->type == Value::Type::array) {
-      file.scale = s.vector("scale");
-      if (file.scale.prod() == 0) fail(s.place("scale"), "needs three factors, none of them 0");
-    } else {
-      file.scale.setConstant(s.positive("scale", 1));
-    }
-    if (!file.path.empty() && file.path.front() != '/' && !folder.empty()) file.path = folder + "/" + file.path;
-    out.shape = std::move(file);
-    out.axes = s.rotation("rotation");
-  }
+  const ShapeRow& shape = s.row("shape", kShapes);
+  if (shape.placed) out.point = s.vector("point", Vec3::Zero());
+  shape.read(s, out, folder);
   s.finish();
   return out;
 }

@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/named.hpp"
 #include "dynamics/bodies/rotation.hpp"
 #include "dynamics/model/read/expression.hpp"
 #include "dynamics/model/read/value.hpp"
@@ -53,6 +54,15 @@ class Section {
     std::vector<std::string> names;
     for (const Row* r : rows) names.emplace_back(r->name);
     return *rows[choice(key, names)];
+  }
+  /// The value of the row that the text names.
+  template <class T, std::size_t n>
+  [[nodiscard]] T one_of(const std::string& key, const base::Named<T> (&rows)[n]) {
+    return row(key, rows).value;
+  }
+  template <class T, std::size_t n>
+  [[nodiscard]] T one_of(const std::string& key, const base::Named<T> (&rows)[n], std::type_identity_t<T> otherwise) {
+    return get(key) == nullptr ? otherwise : row(key, rows).value;
   }
   [[nodiscard]] std::vector<std::string> texts(const std::string& key);
   [[nodiscard]] std::vector<double> numbers(const std::string& key);

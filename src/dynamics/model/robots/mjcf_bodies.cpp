@@ -246,18 +246,15 @@ class BodyReader {
   void add_geom(const Element& e, const Around& around) {
     const Attributes a = text_.attributes(e, around.childclass);
     const std::string type = a.text("type", "sphere");
-    static const std::map<std::string, GeomKind> kinds = {
-        {"plane", GeomKind::plane},       {"sphere", GeomKind::sphere},       {"capsule", GeomKind::capsule},
-        {"cylinder", GeomKind::cylinder}, {"ellipsoid", GeomKind::ellipsoid}, {"box", GeomKind::box},
-        {"mesh", GeomKind::mesh}};
-    const auto kind = kinds.find(type);
-    if (kind == kinds.end()) {
+    const auto* const row =
+        std::find_if(std::begin(kGeomKinds), std::end(kGeomKinds), [&](const auto& r) { return r.name == type; });
+    if (row == std::end(kGeomKinds)) {
       if (type != "hfield" && type != "sdf") e.fail("'" + type + "' is no type of geom");
       return robot_.pass_over("geoms of type " + type);
     }
     Geom g;
     Link& link = link_of(around.link);
-    g.kind = kind->second;
+    g.kind = row->value;
     g.name = name_of(e, around);
     if (g.name.empty())
       g.name = (link.name.empty() ? "world" : link.name) + "_geom";

@@ -10,6 +10,7 @@
 #include <string>
 #include <vector>
 
+#include "base/named.hpp"
 #include "dynamics/model/robots/pose.hpp"
 
 namespace espalier::dynamics::model::robots {
@@ -42,6 +43,11 @@ struct RobotJoint {
 };
 
 enum class GeomKind { plane, sphere, capsule, cylinder, box, ellipsoid, mesh };
+/// By the words of MJCF, which are those of our surfaces, too; these have no ellipsoids.
+inline constexpr base::Named<GeomKind> kGeomKinds[] = {
+    {"plane", GeomKind::plane},       {"sphere", GeomKind::sphere}, {"capsule", GeomKind::capsule},
+    {"cylinder", GeomKind::cylinder}, {"box", GeomKind::box},       {"ellipsoid", GeomKind::ellipsoid},
+    {"mesh", GeomKind::mesh}};
 
 struct Geom {
   std::string name;

@@ -64,12 +64,11 @@ class ShapeWriter {
   }
 
   void write_surface(const Shown& s) {
-    static const char* const kNames[] = {"plane", "sphere", "capsule", "cylinder", "box", "sphere", "mesh"};
     const Geom& g = *s.geom;
+    const bool round = g.kind == GeomKind::sphere || g.kind == GeomKind::ellipsoid;
     const Vec3 point = s.body < 0 ? g.pose.p : Vec3(g.pose.p - body(s.body).mass.centre);
     out_ << "\n[surfaces." << s.name << "]\nbody = " << in_quotes(body_name(s.body)) << "\nshape = \""
-         << kNames[static_cast<int>(g.kind)] << "\"\npoint = " << vector_text(point) << "\n";
-    const bool round = g.kind == GeomKind::sphere || g.kind == GeomKind::ellipsoid;
+         << name_of(kGeomKinds, round ? GeomKind::sphere : g.kind) << "\"\npoint = " << vector_text(point) << "\n";
     if (!round) out_ << "rotation = " << rotation_text(g.pose.r) << "\n";
     if (round || g.kind == GeomKind::capsule || g.kind == GeomKind::cylinder)
       out_ << "radius = " << number_text(g.size[0]) << "\n";

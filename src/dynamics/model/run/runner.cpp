@@ -74,11 +74,10 @@ Runner::Runner(Description model, SimulationOptions options, SimulationSummary& 
   check_intervals(model_, options_.frame_interval);
   summary_.title = model_.title;
   summary_.units = model_.units;
-  summary_.method = model_.linear()                           ? "linear statics"
-                    : model_.statics                          ? "statics"
-                    : !model_.moves                           ? "harmonic"
-                    : model_.integrator.method == Method::bdf ? "bdf"
-                                                              : "generalized-alpha";
+  summary_.method = model_.linear()  ? "linear statics"
+                    : model_.statics ? "statics"
+                    : !model_.moves  ? "harmonic"
+                                     : name_of(kMethods, model_.integrator.method);
   std::vector<std::pair<std::string, std::string>> by_name = model_.solver;
   by_name.insert(by_name.end(), options_.solver.begin(), options_.solver.end());
   {
