@@ -63,11 +63,11 @@ void Taker::refuse_left() const {
   }
   if (first == nullptr) return;
   std::string others;
-  for (const auto& [word, kind] : kDeckWords) {
-    if (!choice_.takes(kind)) continue;
+  for (const auto& row : kDeckWords) {
+    if (!choice_.takes(row.value)) continue;
     const bool whole =
-        std::none_of(deck_.left.begin(), deck_.left.end(), [&](const auto& l) { return l.first.first == kind; });
-    if (whole) others += fmt::format("{}\"{}\"", others.empty() ? "" : ", ", word);
+        std::none_of(deck_.left.begin(), deck_.left.end(), [&](const auto& l) { return l.first.first == row.value; });
+    if (whole) others += fmt::format("{}\"{}\"", others.empty() ? "" : ", ", row.name);
   }
   dynamics::fail(
       first->place,
