@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 PointMass::PointMass(std::string name, const PointMassData& data) : Component(std::move(name)), data_(data) {
@@ -23,8 +25,8 @@ std::string PointMass::coordinate_name(Index local_coordinate) const {
 
 void PointMass::initial(Span q, Span v) const {
   for (int k = 0; k < 3; ++k) {
-    q[static_cast<std::size_t>(placement().q + k)] = data_.position[k];
-    v[static_cast<std::size_t>(placement().v + k)] = data_.velocity[k];
+    q[at(placement().q + k)] = data_.position[k];
+    v[at(placement().v + k)] = data_.velocity[k];
   }
 }
 
@@ -39,11 +41,11 @@ void PointMass::bind(const SparsePattern& w, const SparsePattern& /*phi_q*/) {
 
 void PointMass::residual(const StateView& s, Span f) {
   const Vec3 sum = data_.mass * (three(s.a, placement().v) - load_factor() * data_.gravity);
-  for (std::size_t k = 0; k < 3; ++k) f[static_cast<std::size_t>(coordinates_[k])] += sum[static_cast<int>(k)];
+  for (std::size_t k = 0; k < 3; ++k) f[at(coordinates_[k])] += sum[static_cast<int>(k)];
 }
 
 void PointMass::tangent(const StateView& /*s*/, const TangentWeights& weights, Span w_values) {
-  for (const Offset p : mass_position_) w_values[static_cast<std::size_t>(p)] += weights.a * data_.mass;
+  for (const Offset p : mass_position_) w_values[at(p)] += weights.a * data_.mass;
 }
 
 Energy PointMass::energy(const StateView& s) {

@@ -216,7 +216,7 @@ void RedundancyGuard::analyze(const State& state) {
     if (!absent_.empty()) dropped = absent_;
     redundant_.clear();
     for (const DependentRow& d : rows) {
-      dropped[static_cast<std::size_t>(d.row)] = 1;
+      dropped[at(d.row)] = 1;
       RedundantConstraint r;
       r.row = d.row;
       r.name = equations_.system().constraint_name(d.row);
@@ -309,18 +309,18 @@ void RedundancyGuard::share_reactions(State& state) {
   const auto m = static_cast<Eigen::Index>(shared.size()), count = static_cast<Eigen::Index>(rows.size());
   Eigen::MatrixXd null = Eigen::MatrixXd::Zero(m, count);
   for (Eigen::Index j = 0; j < count; ++j) {
-    const DependentRow& d = rows[static_cast<std::size_t>(j)];
+    const DependentRow& d = rows[at(j)];
     null(place(d.row), j) = 1;
     for (std::size_t k = 0; k < d.partners.size(); ++k) null(place(d.partners[k]), j) = -d.weights[k];
   }
   Eigen::VectorXd s(m), mu(m);
   for (Eigen::Index i = 0; i < m; ++i) {
-    const auto row = at(shared[static_cast<std::size_t>(i)]);
+    const auto row = at(shared[at(i)]);
     s[i] = sizes[row] > 0 ? sizes[row] : 1;
     mu[i] = s[i] * state.lambda[row];
   }
   const Eigen::VectorXd change = (null * dense::least_squares(null, -mu)).cwiseQuotient(s);
-  for (Eigen::Index i = 0; i < m; ++i) state.lambda[at(shared[static_cast<std::size_t>(i)])] += change[i];
+  for (Eigen::Index i = 0; i < m; ++i) state.lambda[at(shared[at(i)])] += change[i];
 }
 
 std::vector<std::string> RedundancyGuard::notices() const {

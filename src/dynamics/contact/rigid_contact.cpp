@@ -4,6 +4,8 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics::contact {
 namespace {
 
@@ -199,7 +201,7 @@ const RigidContact::Memory* RigidContact::memory_of(const Pair& pair, const Touc
       std::lower_bound(memory_.begin(), memory_.end(), pair, [](const Memory& m, const Pair& p) { return m.pair < p; });
   const Memory* same_corner = nullptr;
   for (auto it = first; it != memory_.end() && it->pair == pair; ++it) {
-    if (taken[static_cast<std::size_t>(it - memory_.begin())] != 0) continue;
+    if (taken[at(it - memory_.begin())] != 0) continue;
     if (it->id == touch.id) {
       same_corner = &*it;
       break;
@@ -208,7 +210,7 @@ const RigidContact::Memory* RigidContact::memory_of(const Pair& pair, const Touc
     if (same_corner == nullptr && touch_group(it->id) == touch_group(touch.id) && it->normal.dot(normal) > kFlatEnough)
       same_corner = &*it;
   }
-  if (same_corner != nullptr) taken[static_cast<std::size_t>(same_corner - memory_.data())] = 1;
+  if (same_corner != nullptr) taken[at(same_corner - memory_.data())] = 1;
   return same_corner;
 }
 
@@ -296,13 +298,13 @@ void RigidContact::residual(const StateView& s, Span f) {
   for (const Active& active : find_active()) {
     const TouchForce force = force_of(active, nullptr);
     for (const int side : {0, 1}) {
-      const Index body = body_of(active.pair[static_cast<std::size_t>(side)]);
+      const Index body = body_of(active.pair[at(side)]);
       if (bodies_[slot(body)] == nullptr) continue;
       const auto& coordinates = bodies_[slot(body)]->coordinates();
       const Vec3 moment = motion_[slot(body)].axes.transpose() * force.wrench.segment<3>(6 * side + 3);
       for (int k = 0; k < 3; ++k) {
-        f[slot(coordinates[static_cast<std::size_t>(k)])] -= force.wrench[6 * side + k];
-        f[slot(coordinates[static_cast<std::size_t>(3 + k)])] -= moment[k];
+        f[slot(coordinates[at(k)])] -= force.wrench[6 * side + k];
+        f[slot(coordinates[at(3 + k)])] -= moment[k];
       }
     }
   }
@@ -314,7 +316,7 @@ void RigidContact::add_block(const Mat12& k, Index body_row, Index body_column, 
   if (it == places_.end()) return;  // not in the pattern yet: Newton does without
   const int rows = reach_[slot(body_row)], columns = reach_[slot(body_column)];
   for (int c = 0; c < columns; ++c) {
-    double* values = &w_values[static_cast<std::size_t>(it->second[static_cast<std::size_t>(c)])];
+    double* values = &w_values[at(it->second[at(c)])];
     for (int r = 0; r < rows; ++r) values[r] += k(6 * row + r, 6 * column + c);
   }
 }
@@ -330,10 +332,8 @@ void RigidContact::tangent(const StateView& s, const TangentWeights& weights, Sp
         coordinate_tangent(force, t, weights.q, weights.v, motion_[slot(bodies[0])], motion_[slot(bodies[1])]);
     for (const int row : {0, 1})
       for (const int column : {0, 1})
-        if (bodies_[slot(bodies[static_cast<std::size_t>(row)])] != nullptr &&
-            bodies_[slot(bodies[static_cast<std::size_t>(column)])] != nullptr)
-          add_block(k, bodies[static_cast<std::size_t>(row)], bodies[static_cast<std::size_t>(column)], row, column,
-                    w_values);
+        if (bodies_[slot(bodies[at(row)])] != nullptr && bodies_[slot(bodies[at(column)])] != nullptr)
+          add_block(k, bodies[at(row)], bodies[at(column)], row, column, w_values);
   }
 }
 

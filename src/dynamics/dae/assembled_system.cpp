@@ -4,6 +4,7 @@
 #include <cmath>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "dynamics/dae/vectors.hpp"
 
@@ -206,7 +207,7 @@ void AssembledSystem::constraints(double t, ConstSpan q, ConstSpan v, const Cons
   constexpr Offset kManyOfPhi = 1 << 14;  // some 100 microseconds
   base::ThreadPool* const pool = phi_q_pattern_.nonzeros() < kManyOfPhi ? nullptr : pool_;
   base::for_each(pool, static_cast<std::int64_t>(constraints_.size()), [&](std::int64_t k) {
-    const auto& c = constraints_[static_cast<std::size_t>(k)];
+    const auto& c = constraints_[at(k)];
     evaluate(*c.component, [&] { c.with->constraints(t, q, v, out); });
   });
 }
@@ -261,8 +262,7 @@ void AssembledSystem::tangent(const StateView& s, const TangentWeights& weights,
 
 void AssembledSystem::tangent_on_device(const StateView& s, const TangentWeights& weights, double* device_values,
                                         Span w_values, const StateView* there) {
-  for_each_entry(pool_, host_entries_.size(),
-                 [&](std::size_t e) { w_values[static_cast<std::size_t>(host_entries_[e])] = 0; });
+  for_each_entry(pool_, host_entries_.size(), [&](std::size_t e) { w_values[at(host_entries_[e])] = 0; });
   for (OnDevice* const c : on_device_) {
     if (c == nullptr) continue;
     if (there == nullptr)
@@ -277,7 +277,7 @@ void AssembledSystem::residual_on_device(const StateView& s, const StateView& th
   for (OnDevice* const c : on_device_)
     if (c != nullptr) c->start_residual_there(there, f_there);
   for (const auto* list : {&share_->seen, &share_->own})
-    for (const Index i : *list) f[static_cast<std::size_t>(i)] = 0;
+    for (const Index i : *list) f[at(i)] = 0;
   evaluate_all(true, [&](Component& c) { c.residual(s, f); });
 }
 

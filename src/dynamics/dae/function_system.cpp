@@ -8,6 +8,8 @@
 #include <limits>
 #include <stdexcept>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -75,11 +77,11 @@ std::vector<std::vector<Index>> columns_of(const SparsePattern& p, bool by_colum
   std::vector<std::vector<Index>> result(static_cast<std::size_t>(p.cols));
   for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
     for (Offset k = p.ptr[line]; k < p.ptr[line + 1]; ++k) {
-      const Index other = p.ind[static_cast<std::size_t>(k)];
+      const Index other = p.ind[at(k)];
       if (by_columns)
         result[line].push_back(other);
       else
-        result[static_cast<std::size_t>(other)].push_back(static_cast<Index>(line));
+        result[at(other)].push_back(static_cast<Index>(line));
     }
   return result;
 }
@@ -105,7 +107,7 @@ std::vector<std::vector<Index>> independent_columns(const std::vector<std::vecto
   for (std::size_t column = 0; column < lines.size(); ++column) {
     if (lines[column].empty()) continue;
     for (const Index row : lines[column])
-      for (const std::size_t group : used[static_cast<std::size_t>(row)]) taken[group] = column + 1;
+      for (const std::size_t group : used[at(row)]) taken[group] = column + 1;
     const auto free = static_cast<std::size_t>(
         std::find_if(taken.begin(), taken.end(), [&](std::size_t last) { return last != column + 1; }) - taken.begin());
     if (free == groups.size()) {
@@ -113,7 +115,7 @@ std::vector<std::vector<Index>> independent_columns(const std::vector<std::vecto
       taken.push_back(0);
     }
     groups[free].push_back(static_cast<Index>(column));
-    for (const Index row : lines[column]) used[static_cast<std::size_t>(row)].push_back(free);
+    for (const Index row : lines[column]) used[at(row)].push_back(free);
   }
   return groups;
 }
@@ -137,8 +139,7 @@ FunctionSystem::FunctionSystem(DaeFunctions functions) : f_(std::move(functions)
   phi_q_columns_.resize(static_cast<std::size_t>(n));
   for (std::size_t i = 0; i < static_cast<std::size_t>(m); ++i)
     for (Offset k = phi_q_pattern_.ptr[i]; k < phi_q_pattern_.ptr[i + 1]; ++k)
-      phi_q_columns_[static_cast<std::size_t>(phi_q_pattern_.ind[static_cast<std::size_t>(k)])].emplace_back(
-          i, static_cast<std::size_t>(k));
+      phi_q_columns_[at(phi_q_pattern_.ind[at(k)])].emplace_back(i, static_cast<std::size_t>(k));
   shifted_.resize(static_cast<std::size_t>(n));
 }
 
@@ -193,7 +194,7 @@ void FunctionSystem::phi_q_by_differences(double t, ConstSpan q, Span values) {
           moved[j] = q[j] + kPlaces[k] * steps_[j];
         }
         constraint_at(t, moved, samples_[k]);
-        for (const Index column : open) moved[static_cast<std::size_t>(column)] = q[static_cast<std::size_t>(column)];
+        for (const Index column : open) moved[at(column)] = q[at(column)];
       }
       for (const Index column : open) {
         const auto j = static_cast<std::size_t>(column);
@@ -288,8 +289,8 @@ void FunctionSystem::tangent_by_differences(const StateView& s, const TangentWei
     for (const std::vector<Index>& group : w_groups_) {
       const auto move = [&](double sign) {
         for (const Index j : group) {
-          const double from = x0[static_cast<std::size_t>(j)];
-          x[static_cast<std::size_t>(j)] = from + sign * difference_step(from);
+          const double from = x0[at(j)];
+          x[at(j)] = from + sign * difference_step(from);
         }
       };
       move(1);

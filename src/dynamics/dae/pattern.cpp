@@ -5,13 +5,14 @@
 #include <stdexcept>
 #include <string>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 
 namespace espalier::dynamics {
 
 Offset find_entry(const SparsePattern& pattern, Index major, Index minor) {
-  const auto first = pattern.ind.begin() + pattern.ptr[static_cast<std::size_t>(major)];
-  const auto last = pattern.ind.begin() + pattern.ptr[static_cast<std::size_t>(major) + 1];
+  const auto first = pattern.ind.begin() + pattern.ptr[at(major)];
+  const auto last = pattern.ind.begin() + pattern.ptr[at(major) + 1];
   const auto it = std::lower_bound(first, last, minor);
   if (it == last || *it != minor) {
     throw std::logic_error("entry (" + std::to_string(major) + ", " + std::to_string(minor) +
@@ -26,7 +27,7 @@ PatternBuilder::PatternBuilder(Index rows, Index cols, bool by_columns)
 void PatternBuilder::add(Index row, Index col) {
   if (row < 0 || col < 0) return;
   if (row >= rows_ || col >= cols_) throw std::logic_error("pattern entry outside of the matrix");
-  auto& list = lists_[static_cast<std::size_t>(by_columns_ ? col : row)];
+  auto& list = lists_[at(by_columns_ ? col : row)];
   // Duplicates are dropped when the list is about to grow, so memory stays within twice the final pattern.
   if (list.size() == list.capacity() && list.size() >= 32) {
     std::sort(list.begin(), list.end());
@@ -85,7 +86,7 @@ std::span<const Index> PatternBuilder::vertices_of(Index major) const {
 
 // out := the minor indices of a major one, sorted and unique. @param blocks  all, by their columns
 void PatternBuilder::collect(Index major, std::span<const BlockColumn> blocks, std::vector<Index>& out) const {
-  const std::vector<Index>& list = lists_[static_cast<std::size_t>(major)];
+  const std::vector<Index>& list = lists_[at(major)];
   const std::span<const Index> vertices = vertices_of(major);
   out.clear();
   if (!vertices.empty()) {
@@ -99,7 +100,7 @@ void PatternBuilder::collect(Index major, std::span<const BlockColumn> blocks, s
   std::vector<Index> before;
   for (auto it = std::lower_bound(blocks.begin(), blocks.end(), BlockColumn{major, 0});
        it != blocks.end() && it->column == major; ++it) {
-    const std::vector<Index>& rows = blocks_[static_cast<std::size_t>(it->block)];
+    const std::vector<Index>& rows = blocks_[at(it->block)];
     before.swap(out);
     out.clear();
     std::set_union(before.begin(), before.end(), rows.begin(), rows.end(), std::back_inserter(out));

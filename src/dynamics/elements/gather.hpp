@@ -9,6 +9,7 @@
 #include <span>
 #include <vector>
 
+#include "base/at.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::dynamics {
@@ -92,8 +93,8 @@ struct BlockSource {
 /// sum += the forces on vertex v in the order of the list; `buffer` as `layout` says.
 inline void sum_forces(const ForceList& list, const ResultLayout& layout, const double* buffer, Index v, double* sum) {
   const auto n = static_cast<std::int32_t>(layout.vertices());
-  for (std::int32_t k = list.ptr[static_cast<std::size_t>(v)]; k < list.ptr[static_cast<std::size_t>(v) + 1]; ++k) {
-    const std::int32_t from = list.from[static_cast<std::size_t>(k)];
+  for (std::int32_t k = list.ptr[at(v)]; k < list.ptr[at(v) + 1]; ++k) {
+    const std::int32_t from = list.from[at(k)];
     const double* f = buffer + layout.force(from / n, from % n);
     for (int i = 0; i < 3; ++i) sum[i] += f[i * layout.lanes()];
   }
@@ -104,8 +105,8 @@ inline void sum_forces(const ForceList& list, const ResultLayout& layout, const 
 inline void sum_blocks(const PairList& list, const ResultLayout& layout, const double* buffer, bool symmetric,
                        std::int32_t p, double (&block)[3][3], double (&transposed)[3][3]) {
   const std::int64_t down = 1, right = layout.forces();
-  for (std::int32_t k = list.ptr[static_cast<std::size_t>(p)]; k < list.ptr[static_cast<std::size_t>(p) + 1]; ++k) {
-    const BlockSource s(list.from[static_cast<std::size_t>(k)]);
+  for (std::int32_t k = list.ptr[at(p)]; k < list.ptr[at(p) + 1]; ++k) {
+    const BlockSource s(list.from[at(k)]);
     const bool turned = symmetric && s.a > s.b;
     const double* x = buffer + (turned ? layout.block(s.element, s.b, s.a) : layout.block(s.element, s.a, s.b));
     const double* y = symmetric ? x : buffer + layout.block(s.element, s.b, s.a);

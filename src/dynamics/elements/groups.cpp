@@ -8,6 +8,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "dynamics/elements/ancf_shell.hpp"
 #include "dynamics/elements/device_law.hpp"
@@ -64,7 +65,7 @@ class SolidGroup final : public ElementGroup {
     if (assumed_strain_) return sample_hex8(options_.hex8, material_, reference, position, out);
     return sample_solid(type_, reference, position, out);
   }
-  [[nodiscard]] std::int64_t label(Index e) const override { return labels_[static_cast<std::size_t>(e)]; }
+  [[nodiscard]] std::int64_t label(Index e) const override { return labels_[at(e)]; }
 
  private:
   [[nodiscard]] Rule rule() const { return options_.reduced_hex20 ? Rule::reduced : Rule::stiffness; }
@@ -88,9 +89,7 @@ class VertexGroup : public ElementGroup {
  public:
   [[nodiscard]] Index count() const override { return static_cast<Index>(vertices_.size()); }
   [[nodiscard]] int vertices_per_element() const override { return kVertices; }
-  [[nodiscard]] std::span<const Index> vertices(Index e) const override {
-    return vertices_[static_cast<std::size_t>(e)];
-  }
+  [[nodiscard]] std::span<const Index> vertices(Index e) const override { return vertices_[at(e)]; }
 
  protected:
   std::vector<std::array<Index, kVertices>> vertices_;
@@ -110,18 +109,16 @@ class ChainGroup : public VertexGroup<2 * kPerNode> {
         throw std::invalid_argument(fmt::format("line element {}: its length {} is not positive", e + 1, length_[e]));
       std::array<Index, 2 * kPerNode> vertices{};
       for (int k = 0; k < kPerNode; ++k) {
-        vertices[static_cast<std::size_t>(k)] = kPerNode * nodes[e] + k;
-        vertices[static_cast<std::size_t>(kPerNode + k)] = kPerNode * nodes[e + 1] + k;
+        vertices[at(k)] = kPerNode * nodes[e] + k;
+        vertices[at(kPerNode + k)] = kPerNode * nodes[e + 1] + k;
       }
       this->vertices_.push_back(vertices);
     }
   }
-  [[nodiscard]] std::int64_t label(Index e) const override {
-    return labels_.empty() ? e + 1 : labels_[static_cast<std::size_t>(e)];
-  }
+  [[nodiscard]] std::int64_t label(Index e) const override { return labels_.empty() ? e + 1 : labels_[at(e)]; }
 
  protected:
-  [[nodiscard]] double length(Index e) const { return length_[static_cast<std::size_t>(e)]; }
+  [[nodiscard]] double length(Index e) const { return length_[at(e)]; }
   /// That of all elements, or 0: they differ.
   [[nodiscard]] double common_length() const {
     const bool equal = std::adjacent_find(length_.begin(), length_.end(), std::not_equal_to<>()) == length_.end();
@@ -236,8 +233,7 @@ std::string collapsed_corners(const Mesh& mesh, Index element) {
   const auto nodes = mesh.element(element).first(static_cast<std::size_t>(shape_of(mesh.type(element)).corners));
   for (std::size_t a = 0; a < nodes.size(); ++a)
     for (std::size_t b = a + 1; b < nodes.size(); ++b)
-      if (nodes[a] == nodes[b] ||
-          mesh.nodes[static_cast<std::size_t>(nodes[a])] == mesh.nodes[static_cast<std::size_t>(nodes[b])])
+      if (nodes[a] == nodes[b] || mesh.nodes[at(nodes[a])] == mesh.nodes[at(nodes[b])])
         return fmt::format("its corners {} and {} (nodes {} and {}) are one place", a + 1, b + 1,
                            node_name(mesh, nodes[a]), node_name(mesh, nodes[b]));
   return "";
@@ -288,7 +284,7 @@ std::vector<SmallestJacobian> smallest_jacobians(const Mesh& mesh, std::span<con
       double x[3 * kMaxElementNodes];
       const auto nodes = mesh.element(e);
       for (std::size_t a = 0; a < nodes.size(); ++a)
-        for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh.nodes[static_cast<std::size_t>(nodes[a])][i];
+        for (std::size_t i = 0; i < 3; ++i) x[3 * a + i] = mesh.nodes[at(nodes[a])][i];
       found[k] = smallest_jacobian(mesh.type(e), x);
     }
   });
@@ -310,8 +306,7 @@ std::vector<std::unique_ptr<ElementGroup>> make_solid_groups(const Mesh& mesh, s
   std::vector<std::array<std::unique_ptr<SolidGroup>, kElementTypes>> made(materials.list.size());
   for (const Index e : chosen) {
     const Material& material = materials.at(e);
-    auto& group =
-        made[static_cast<std::size_t>(&material - materials.list.data())][static_cast<std::size_t>(mesh.type(e))];
+    auto& group = made[at(&material - materials.list.data())][static_cast<std::size_t>(mesh.type(e))];
     if (!group) group = std::make_unique<SolidGroup>(mesh.type(e), material, options);
     group->add(mesh.element(e), mesh.element_label(e));
   }

@@ -3,6 +3,7 @@
 // small systems.
 #include <cmath>
 
+#include "base/at.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/integrators/bdf.hpp"
 
@@ -13,7 +14,7 @@ namespace {
 Eigen::MatrixXd dense_phi_q(const SparsePattern& p, ConstSpan values, const std::vector<char>& dropped) {
   std::vector<Index> kept;
   for (Index i = 0; i < p.rows; ++i) {
-    if (!dropped[static_cast<std::size_t>(i)]) kept.push_back(i);
+    if (!dropped[at(i)]) kept.push_back(i);
   }
   Eigen::MatrixXd g = Eigen::MatrixXd::Zero(static_cast<Index>(kept.size()), p.cols);
   for (std::size_t r = 0; r < kept.size(); ++r) {
@@ -68,8 +69,7 @@ void BdfIntegrator::parametrise() {
       Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, n);
       const SparsePattern& p = kkt.w_pattern();
       for (Index j = 0; j < n; ++j) {
-        for (auto k = static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j)]);
-             k < static_cast<std::size_t>(p.ptr[static_cast<std::size_t>(j) + 1]); ++k) {
+        for (auto k = static_cast<std::size_t>(p.ptr[at(j)]); k < static_cast<std::size_t>(p.ptr[at(j) + 1]); ++k) {
           w(p.ind[k], j) = kkt.w_of_factor()[k];
         }
       }

@@ -6,6 +6,8 @@
 #include <cmath>
 #include <limits>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -85,9 +87,8 @@ std::vector<double> masses(Equations& eq, const State& s) {
   std::vector<double> values(static_cast<std::size_t>(p.nonzeros())), out(s.v.size(), 1.0);
   eq.system().tangent(s.view(), {1, 0, 0}, values);
   for (Index j = 0; j < p.cols; ++j)
-    for (Offset k = p.ptr[static_cast<std::size_t>(j)]; k < p.ptr[static_cast<std::size_t>(j) + 1]; ++k)
-      if (p.ind[static_cast<std::size_t>(k)] == j)
-        out[static_cast<std::size_t>(j)] = std::abs(values[static_cast<std::size_t>(k)]);
+    for (Offset k = p.ptr[at(j)]; k < p.ptr[at(j) + 1]; ++k)
+      if (p.ind[at(k)] == j) out[at(j)] = std::abs(values[at(k)]);
   return out;
 }
 
@@ -234,7 +235,7 @@ std::vector<double> constraint_sizes(System& system, ConstSpan q, ConstSpan phi_
   std::vector<double> sizes(static_cast<std::size_t>(p.rows), 0.0);
   for (std::size_t i = 0; i < sizes.size(); ++i)
     for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
-      sizes[i] += std::abs(phi_q[k]) * magnitude[static_cast<std::size_t>(p.ind[k])];
+      sizes[i] += std::abs(phi_q[k]) * magnitude[at(p.ind[k])];
   const double least = kLeast * max_norm(sizes);
   for (double& size : sizes) size = least > 0 ? std::max(size, least) : 1;
   return sizes;

@@ -25,7 +25,7 @@ std::vector<Index> kept_constraints(const Equations& equations) {
   const std::vector<char>& dropped = equations.dropped();
   std::vector<Index> rows;
   for (Index i = 0; i < equations.sizes().constraints; ++i)
-    if (dropped.empty() || dropped[static_cast<std::size_t>(i)] == 0) rows.push_back(i);
+    if (dropped.empty() || dropped[at(i)] == 0) rows.push_back(i);
   return rows;
 }
 
@@ -52,7 +52,7 @@ Linearised linearise(Equations& equations, const State& state) {
   for (std::size_t r = 0; r < out.rows.size(); ++r) {
     const auto row = static_cast<std::size_t>(out.rows[r]);
     for (auto k = static_cast<std::size_t>(phi.ptr[row]); k < static_cast<std::size_t>(phi.ptr[row + 1]); ++k) {
-      columns[static_cast<std::size_t>(phi.ind[k])].push_back({out.n + static_cast<Index>(r), phi_q[k]});
+      columns[at(phi.ind[k])].push_back({out.n + static_cast<Index>(r), phi_q[k]});
       columns[n + r].push_back({phi.ind[k], phi_q[k]});
     }
   }

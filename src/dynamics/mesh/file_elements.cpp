@@ -4,6 +4,8 @@
 
 #include <algorithm>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 namespace {
 
@@ -18,7 +20,7 @@ Corners sorted_corners(std::span<const Index> nodes, int corners) {
 std::map<Corners, MeshFace> faces_by_corners(const Mesh& mesh) {
   std::map<Corners, MeshFace> faces;
   for (const MeshFace& face : mesh.boundary_faces()) {
-    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    const auto& shape = shape_of(mesh.type(face.element)).faces[at(face.face)];
     faces[sorted_corners(mesh.face_nodes(face), shape_of(shape.type).corners)] = face;
   }
   return faces;
@@ -103,12 +105,11 @@ void add_faces_of_node_sets(Mesh& mesh) {
   for (const auto& [name, nodes] : mesh.node_sets) {
     if (mesh.face_sets.contains(name)) continue;
     std::fill(member.begin(), member.end(), 0);
-    for (const Index n : nodes) member[static_cast<std::size_t>(n)] = 1;
+    for (const Index n : nodes) member[at(n)] = 1;
     std::vector<MeshFace> faces;
     for (const MeshFace& face : outer) {
       const auto of_face = mesh.face_nodes(face);
-      if (std::all_of(of_face.begin(), of_face.end(),
-                      [&](Index n) { return member[static_cast<std::size_t>(n)] != 0; }))
+      if (std::all_of(of_face.begin(), of_face.end(), [&](Index n) { return member[at(n)] != 0; }))
         faces.push_back(face);
     }
     if (!faces.empty()) mesh.face_sets[name] = std::move(faces);

@@ -7,6 +7,7 @@
 #include <numeric>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -31,9 +32,9 @@ struct FaceKey {
 FaceKey key_of(const Mesh& mesh, MeshFace face) {
   FaceKey key{{-1, -1, -1, -1}, face};
   const auto nodes = mesh.element(face.element);
-  const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+  const auto& shape = shape_of(mesh.type(face.element)).faces[at(face.face)];
   const int corners = shape_of(shape.type).corners;
-  for (int c = 0; c < corners; ++c) key.corners[c] = nodes[static_cast<std::size_t>(shape.nodes[c])];
+  for (int c = 0; c < corners; ++c) key.corners[c] = nodes[at(shape.nodes[c])];
   std::sort(key.corners.begin(), key.corners.end());
   return key;
 }
@@ -68,17 +69,12 @@ std::vector<Index> Mesh::face_nodes(MeshFace face) const {
                                             face.face + 1));
   const auto nodes_of_element = element(face.element);
   std::vector<Index> result;
-  for (const int n : faces[static_cast<std::size_t>(face.face)].nodes)
-    result.push_back(nodes_of_element[static_cast<std::size_t>(n)]);
+  for (const int n : faces[at(face.face)].nodes) result.push_back(nodes_of_element[at(n)]);
   return result;
 }
 
-std::int64_t Mesh::node_label(Index node) const {
-  return node_labels.empty() ? node + 1 : node_labels[static_cast<std::size_t>(node)];
-}
-std::int64_t Mesh::element_label(Index e) const {
-  return element_labels.empty() ? e + 1 : element_labels[static_cast<std::size_t>(e)];
-}
+std::int64_t Mesh::node_label(Index node) const { return node_labels.empty() ? node + 1 : node_labels[at(node)]; }
+std::int64_t Mesh::element_label(Index e) const { return element_labels.empty() ? e + 1 : element_labels[at(e)]; }
 
 const std::vector<Index>& Mesh::node_set(const std::string& set) const {
   return find_set(node_sets, set, "node", name);
@@ -119,31 +115,31 @@ std::vector<MeshFace> Mesh::boundary_faces() const {
 std::vector<Index> Mesh::pieces(std::span<const Index> elements) const {
   std::vector<Index> lower(nodes.size(), -1);  // of a node: one of the same piece, or itself; -1: not met yet
   const auto lowest = [&](Index n) {
-    while (lower[static_cast<std::size_t>(n)] != n) {
-      Index& next = lower[static_cast<std::size_t>(n)];
-      next = lower[static_cast<std::size_t>(next)];
+    while (lower[at(n)] != n) {
+      Index& next = lower[at(n)];
+      next = lower[at(next)];
       n = next;
     }
     return n;
   };
   const auto join = [&](Index e) {
     for (const Index n : element(e)) {
-      if (lower[static_cast<std::size_t>(n)] < 0) lower[static_cast<std::size_t>(n)] = n;
+      if (lower[at(n)] < 0) lower[at(n)] = n;
       const Index a = lowest(n), b = lowest(element(e).front());
-      lower[static_cast<std::size_t>(std::max(a, b))] = std::min(a, b);
+      lower[at(std::max(a, b))] = std::min(a, b);
     }
   };
   for (const Index e : elements) join(e);
   for (Index e = 0; elements.empty() && e < element_count(); ++e) join(e);
   std::vector<Index> found;
   for (Index n = 0; n < static_cast<Index>(nodes.size()); ++n)
-    if (lower[static_cast<std::size_t>(n)] == n) found.push_back(n);
+    if (lower[at(n)] == n) found.push_back(n);
   return found;
 }
 
 Index Mesh::drop_unused_nodes() {
   std::vector<Index> renumbered(nodes.size(), -1);
-  for (const Index n : connectivity_) renumbered[static_cast<std::size_t>(n)] = 0;
+  for (const Index n : connectivity_) renumbered[at(n)] = 0;
   if (node_labels.empty() && std::find(renumbered.begin(), renumbered.end(), -1) != renumbered.end()) {
     node_labels.resize(nodes.size());  // those that stay keep the number that they have
     std::iota(node_labels.begin(), node_labels.end(), std::int64_t{1});
@@ -152,16 +148,16 @@ Index Mesh::drop_unused_nodes() {
   for (std::size_t n = 0; n < nodes.size(); ++n) {
     if (renumbered[n] < 0) continue;
     renumbered[n] = kept;
-    nodes[static_cast<std::size_t>(kept)] = nodes[n];
-    if (!node_labels.empty()) node_labels[static_cast<std::size_t>(kept)] = node_labels[n];
+    nodes[at(kept)] = nodes[n];
+    if (!node_labels.empty()) node_labels[at(kept)] = node_labels[n];
     ++kept;
   }
   const Index dropped = static_cast<Index>(nodes.size()) - kept;
   nodes.resize(static_cast<std::size_t>(kept));
   if (!node_labels.empty()) node_labels.resize(static_cast<std::size_t>(kept));
-  for (Index& n : connectivity_) n = renumbered[static_cast<std::size_t>(n)];
+  for (Index& n : connectivity_) n = renumbered[at(n)];
   for (auto& entry : node_sets) {
-    for (Index& n : entry.second) n = renumbered[static_cast<std::size_t>(n)];
+    for (Index& n : entry.second) n = renumbered[at(n)];
     std::erase(entry.second, -1);
   }
   return dropped;

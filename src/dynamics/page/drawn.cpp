@@ -108,7 +108,7 @@ void Drawn::place(const State& s, Place& out) {
       append(Vec3::Zero(), out.turning);
       continue;
     }
-    const Skin& skin = *skins_[static_cast<std::size_t>(&body - mechanism_.bodies.data())];
+    const Skin& skin = *skins_[at(&body - mechanism_.bodies.data())];
     if (body.reduced != nullptr) body.reduced->nodal_motion(s.q, s.v, position_, rate_);
     const double* x = body.reduced != nullptr ? position_.data() : &s.q[at(body.flexible->configuration(0))];
     const double* v = body.reduced != nullptr ? rate_.data() : &s.v[at(body.flexible->coordinate(0))];

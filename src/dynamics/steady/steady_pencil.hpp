@@ -4,6 +4,7 @@
 
 #include <map>
 
+#include "base/at.hpp"
 #include "dynamics/integrators/derivatives/level_derivatives.hpp"
 #include "dynamics/integrators/linearised.hpp"
 #include "dynamics/steady/vector_coordinates.hpp"
@@ -15,7 +16,7 @@ class EntrySums {
  public:
   explicit EntrySums(Index size) : columns_(static_cast<std::size_t>(size)) {}
   void add(Index row, Index column, double value) {
-    if (value != 0) columns_[static_cast<std::size_t>(column)][row] += value;
+    if (value != 0) columns_[at(column)][row] += value;
   }
   [[nodiscard]] SparseMatrix matrix() const {
     SparseMatrix out;
@@ -45,13 +46,13 @@ struct BlockDiagonal {
   /// body(row, value) for the entries of column j.
   template <class Body>
   void column(Index j, const Body& body) const {
-    const Index b = block_of[static_cast<std::size_t>(j)];
+    const Index b = block_of[at(j)];
     if (b < 0) {
       if (elsewhere != 0) body(j, elsewhere);
       return;
     }
-    const Index first = first_of[static_cast<std::size_t>(b)];
-    for (Index i = 0; i < 3; ++i) body(first + i, blocks[static_cast<std::size_t>(b)](i, j - first));
+    const Index first = first_of[at(b)];
+    for (Index i = 0; i < 3; ++i) body(first + i, blocks[at(b)](i, j - first));
   }
 };
 

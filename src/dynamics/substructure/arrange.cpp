@@ -6,6 +6,7 @@
 #include <map>
 #include <set>
 
+#include "base/at.hpp"
 #include "dynamics/substructure/substructure.hpp"
 
 namespace espalier::dynamics {
@@ -78,9 +79,7 @@ class Arranger {
   }
 
   [[nodiscard]] MatrixXd symmetric(const FileMatrix& file, const char* what) const {
-    const auto row = [&](Index k) {
-      return file.unknowns.empty() ? k : row_.at(file.unknowns[static_cast<std::size_t>(k)]);
-    };
+    const auto row = [&](Index k) { return file.unknowns.empty() ? k : row_.at(file.unknowns[at(k)]); };
     MatrixXd a = MatrixXd::Zero(size_, size_);
     Eigen::Matrix<bool, Eigen::Dynamic, Eigen::Dynamic> given(size_, size_);
     given.setConstant(false);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/at.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/bodies/rotation.hpp"
 
@@ -27,9 +28,7 @@ class PointGroup final : public ElementGroup {
   }
   [[nodiscard]] Index count() const override { return static_cast<Index>(vertices_.size()); }
   [[nodiscard]] int vertices_per_element() const override { return 1; }
-  [[nodiscard]] std::span<const Index> vertices(Index e) const override {
-    return {&vertices_[static_cast<std::size_t>(e)], 1};
-  }
+  [[nodiscard]] std::span<const Index> vertices(Index e) const override { return {&vertices_[at(e)], 1}; }
   [[nodiscard]] bool evaluate(Index, const ElementInput&, ElementOutput& out) const override {
     std::fill_n(out.force, 3, 0.0);
     if (out.tangent != nullptr) std::fill_n(out.tangent, 9, 0.0);

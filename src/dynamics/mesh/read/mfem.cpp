@@ -5,6 +5,7 @@
 #include <map>
 #include <numeric>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/read/words.hpp"
@@ -88,8 +89,8 @@ class MfemReader {
       if (geometry < 0 || geometry > 7) words_.fail(fmt::format("geometry {} is not known (0 to 7 are)", geometry));
       e.geometry = &kGeometries[geometry];
       for (int a = 0; a < shape_of(e.geometry->linear).nodes; ++a) {
-        e.corners[static_cast<std::size_t>(a)] = words_.integer("a vertex");
-        if (e.corners[static_cast<std::size_t>(a)] < 0) words_.fail("a vertex has a number below 0");
+        e.corners[at(a)] = words_.integer("a vertex");
+        if (e.corners[at(a)] < 0) words_.fail("a vertex has a number below 0");
       }
       list.push_back(e);
     }
@@ -105,7 +106,7 @@ class MfemReader {
     if (dimension < 1 || dimension > 3) words_.fail(fmt::format("vertices of dimension {} are not read", dimension));
     for (std::int64_t k = 0; k < vertices_; ++k) {
       Point p{};
-      for (std::int64_t d = 0; d < dimension; ++d) p[static_cast<std::size_t>(d)] = words_.real("a coordinate");
+      for (std::int64_t d = 0; d < dimension; ++d) p[at(d)] = words_.real("a coordinate");
       mesh_.nodes.push_back(p);
     }
   }
@@ -116,7 +117,7 @@ class MfemReader {
         edges_.emplace(edge(e, k / 2), static_cast<std::int64_t>(edges_.size()));
   }
   static std::pair<std::int64_t, std::int64_t> edge(const Listed& e, std::size_t k) {
-    const auto end = [&](std::size_t i) { return e.corners[static_cast<std::size_t>(e.geometry->edges[2 * k + i])]; };
+    const auto end = [&](std::size_t i) { return e.corners[at(e.geometry->edges[2 * k + i])]; };
     return {std::min(end(0), end(1)), std::max(end(0), end(1))};
   }
 
@@ -176,8 +177,7 @@ class MfemReader {
       const std::size_t first = static_cast<std::size_t>(vertices_) + 2 * static_cast<std::size_t>(k);
       if (ends.second >= vertices_)
         words_.fail(fmt::format("an element uses vertex {}; there are {}", ends.second, vertices_));
-      const Point &a = mesh_.nodes[static_cast<std::size_t>(ends.first)],
-                  &b = mesh_.nodes[static_cast<std::size_t>(ends.second)];
+      const Point &a = mesh_.nodes[at(ends.first)], &b = mesh_.nodes[at(ends.second)];
       for (std::size_t d = 0; d < 3; ++d)
         mesh_.nodes[first][d] = 0.625 * (mesh_.nodes[first][d] + mesh_.nodes[first + 1][d]) - 0.125 * (a[d] + b[d]);
     }
@@ -187,10 +187,10 @@ class MfemReader {
     std::array<Index, kMaxElementNodes> nodes{};
     const int corners = shape_of(e.geometry->linear).nodes;
     for (int a = 0; a < corners; ++a) {
-      const std::int64_t n = e.corners[static_cast<std::size_t>(a)];
+      const std::int64_t n = e.corners[at(a)];
       if (n >= vertices_)
         words_.fail(fmt::format("an element uses vertex {}; there are {} (counted from 0)", n, vertices_));
-      nodes[static_cast<std::size_t>(a)] = static_cast<Index>(n);
+      nodes[at(a)] = static_cast<Index>(n);
     }
     if (order_ > 1 && e.geometry->linear == ElementType::pyramid5)
       words_.fail("pyramids of second order are not read; save the mesh with order 1");
@@ -199,7 +199,7 @@ class MfemReader {
     for (std::size_t m = 0; curved && m < e.geometry->middle.size(); ++m) {
       const auto found = edges_.find(edge(e, static_cast<std::size_t>(e.geometry->middle[m])));
       if (found == edges_.end()) words_.fail("an edge of the boundary belongs to no element");
-      nodes[static_cast<std::size_t>(corners) + m] = static_cast<Index>(vertices_ + (order_ - 1) * found->second);
+      nodes[at(corners) + m] = static_cast<Index>(vertices_ + (order_ - 1) * found->second);
     }
     const std::size_t added = out_.add(type, static_cast<std::int64_t>(out_.count()),
                                        {nodes.data(), static_cast<std::size_t>(shape_of(type).nodes)});

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "base/at.hpp"
 #include "dynamics/model/fields/field_quantity.hpp"
 
 namespace espalier::dynamics::model {
@@ -146,8 +147,7 @@ void HarmonicObserver::observe(double w, Index load, const Complex* x, Complex* 
       d.v[i] = part(iw * x[i]);
       d.a[i] = part(iw * iw * x[i]);
     }
-    for (std::size_t r = 0; r < rows; ++r)
-      d.lambda[static_cast<std::size_t>(linearised_.rows[r])] = part(multiplier_ * x[n + r]);
+    for (std::size_t r = 0; r < rows; ++r) d.lambda[at(linearised_.rows[r])] = part(multiplier_ * x[n + r]);
     if (share_) {
       State shared = state_;
       shared.lambda = d.lambda;
@@ -163,12 +163,12 @@ void HarmonicObserver::observe(double w, Index load, const Complex* x, Complex* 
     }
   }
   if (load >= 0) {
-    const std::vector<Complex>& direct = direct_[static_cast<std::size_t>(load)];
+    const std::vector<Complex>& direct = direct_[at(load)];
     for (std::size_t i = 0; i < direct.size(); ++i) numbers[i] += direct[i];
   }
   combine(numbers, y);
   if (load < 0) return;
-  if (measured_[static_cast<std::size_t>(load)]++ < kNoiseSamples) measure_noise(w, load, x);
+  if (measured_[at(load)]++ < kNoiseSamples) measure_noise(w, load, x);
 }
 
 void HarmonicObserver::combine(const std::vector<Complex>& numbers, Complex* y) const {
@@ -197,17 +197,15 @@ void HarmonicObserver::measure_noise(double w, Index load, const Complex* x) {
     d.v[i] = w * d.q[i];
     d.a[i] = w * d.v[i];
   }
-  for (const Index row : linearised_.rows) d.lambda[static_cast<std::size_t>(row)] = sign() * force;
+  for (const Index row : linearised_.rows) d.lambda[at(row)] = sign() * force;
   const Numbers values = along(d);
   const std::vector<Complex> numbers(values.begin(), values.end());
   std::vector<Complex> size(quantities_.size());
   combine(numbers, size.data());
-  Numbers& noise = noise_[static_cast<std::size_t>(load)];
+  Numbers& noise = noise_[at(load)];
   for (std::size_t i = 0; i < size.size(); ++i) noise[i] = std::max(noise[i], kNoisePart * std::abs(size[i]));
 }
 
-double HarmonicObserver::noise(Index load, Index output) const {
-  return noise_[static_cast<std::size_t>(load)][static_cast<std::size_t>(output)];
-}
+double HarmonicObserver::noise(Index load, Index output) const { return noise_[at(load)][at(output)]; }
 
 }  // namespace espalier::dynamics::model

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/at.hpp"
 #include "dynamics/joints/node_equations.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/line_sections.hpp"
@@ -133,12 +134,12 @@ class LineMaker {
     of_.assign(static_cast<std::size_t>(mesh_.element_count()), -1);
     for (std::size_t k = 0; k < sections_.list.size(); ++k)
       if (const auto found = find_named(mesh_.element_sets, sections_.list[k].set); found != mesh_.element_sets.end())
-        for (const Index e : found->second) of_[static_cast<std::size_t>(e)] = static_cast<int>(k);
+        for (const Index e : found->second) of_[at(e)] = static_cast<int>(k);
   }
 
   [[nodiscard]] const LineSection* of_file(Index e) const {
-    const int k = of_[static_cast<std::size_t>(e)];
-    return k < 0 ? nullptr : &sections_.list[static_cast<std::size_t>(k)];
+    const int k = of_[at(e)];
+    return k < 0 ? nullptr : &sections_.list[at(k)];
   }
 
   /// Its number among those of the body; made where it is met first.
@@ -233,8 +234,7 @@ class LineMaker {
     const auto nodes = mesh_.element(e);
     Vec3 x = Vec3::Zero();
     for (std::size_t i = 0; i < 3; ++i)
-      x[static_cast<Eigen::Index>(i)] = mesh_.nodes[static_cast<std::size_t>(nodes[nodes.size() - 1])][i] -
-                                        mesh_.nodes[static_cast<std::size_t>(nodes[0])][i];
+      x[static_cast<Eigen::Index>(i)] = mesh_.nodes[at(nodes[nodes.size() - 1])][i] - mesh_.nodes[at(nodes[0])][i];
     x.normalize();
     const Vec3 otherwise = std::abs(x.y()) < 0.9 ? Vec3::UnitY() : Vec3::UnitX();
     if (!is_beam_) return {otherwise.x(), otherwise.y(), otherwise.z()};

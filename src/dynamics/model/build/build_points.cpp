@@ -7,6 +7,7 @@
 #include <numbers>
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/model/build/builders.hpp"
 #include "dynamics/model/frames/labels.hpp"
@@ -70,8 +71,7 @@ std::vector<double> shares_of_length(const ShellSpec& shell, const std::vector<I
   std::map<Index, double> share;
   for (const auto& [edge, elements] : edges) {
     if (elements != 1) continue;
-    const Point &a = mesh.nodes[static_cast<std::size_t>(edge.first)],
-                &b = mesh.nodes[static_cast<std::size_t>(edge.second)];
+    const Point &a = mesh.nodes[at(edge.first)], &b = mesh.nodes[at(edge.second)];
     const double length = (Vec3(a[0], a[1], a[2]) - Vec3(b[0], b[1], b[2])).norm();
     share[edge.first] += length;
     share[edge.second] += length;

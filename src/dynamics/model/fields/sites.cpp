@@ -59,7 +59,7 @@ class SiteMaker {
         site.place = body_.node_place(nodes[k]);
         site.weight = weights[k] / static_cast<double>(sides.size());
         for (const auto& [e, a] : around) {
-          std::array<double, 3> xi = node_coordinates(body_.shape(e))[static_cast<std::size_t>(a)];
+          std::array<double, 3> xi = node_coordinates(body_.shape(e))[at(a)];
           if (body_.kind() == FieldBody::shell) xi[2] = side;
           site.terms.push_back(term(e, xi, 1 / static_cast<double>(around.size())));
         }

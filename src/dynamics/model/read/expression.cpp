@@ -7,6 +7,8 @@
 #include <cmath>
 #include <memory>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics::model {
 
 std::vector<std::string> Expression::functions() {
@@ -96,7 +98,7 @@ Jet Expression::run(const Jet& time, std::span<const Jet> given, Branches* out) 
         stack.push_back(time);
         break;
       case Code::Kind::quantity:
-        stack.push_back(given[static_cast<std::size_t>(c.function)]);
+        stack.push_back(given[at(c.function)]);
         break;
       case Code::Kind::negate:
         stack.back() = -stack.back();
@@ -120,13 +122,13 @@ Jet Expression::run(const Jet& time, std::span<const Jet> given, Branches* out) 
         binary(power);
         break;
       case Code::Kind::call1:
-        stack.back() = functions1()[static_cast<std::size_t>(c.function)].apply(stack.back());
+        stack.back() = functions1()[at(c.function)].apply(stack.back());
         break;
       case Code::Kind::call2:
-        binary(functions2()[static_cast<std::size_t>(c.function)].apply);
+        binary(functions2()[at(c.function)].apply);
         break;
       case Code::Kind::curve: {
-        const CurvePoint p = curves_[static_cast<std::size_t>(c.function)]->at(stack.back().value);
+        const CurvePoint p = curves_[at(c.function)]->at(stack.back().value);
         stack.back() = chain(stack.back(), p.y, p.slope, p.bend);
         break;
       }

@@ -6,6 +6,7 @@
 #include <sstream>
 #include <system_error>
 
+#include "base/at.hpp"
 #include "dynamics/contact/geometry/surface_file.hpp"
 #include "dynamics/model/robots/files.hpp"
 #include "dynamics/model/robots/toml_writer.hpp"
@@ -35,10 +36,8 @@ class ShapeWriter {
   }
 
  private:
-  [[nodiscard]] const Moving& body(int k) const {
-    return k < 0 ? tree_.ground : tree_.moving[static_cast<std::size_t>(k)];
-  }
-  [[nodiscard]] std::string body_name(int k) const { return k < 0 ? "ground" : bodies_[static_cast<std::size_t>(k)]; }
+  [[nodiscard]] const Moving& body(int k) const { return k < 0 ? tree_.ground : tree_.moving[at(k)]; }
+  [[nodiscard]] std::string body_name(int k) const { return k < 0 ? "ground" : bodies_[at(k)]; }
 
   struct Shown {
     std::string name;

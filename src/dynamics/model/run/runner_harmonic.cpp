@@ -1,6 +1,7 @@
 // The frequency response of a run.
 #include <algorithm>
 
+#include "base/at.hpp"
 #include "dynamics/model/answer/harmonic_run.hpp"
 #include "dynamics/model/run/runner.hpp"
 #include "harmonic/table.hpp"
@@ -29,8 +30,7 @@ void Runner::respond() {
   summary_.harmonic_solves = r.factorizations;
   summary_.peaks.clear();
   for (const harmonic::Peak& peak : harmonic::highest(r))
-    summary_.peaks.push_back({response_.loads[static_cast<std::size_t>(peak.load)],
-                              response_.quantities[static_cast<std::size_t>(peak.output)], peak.frequency,
+    summary_.peaks.push_back({response_.loads[at(peak.load)], response_.quantities[at(peak.output)], peak.frequency,
                               peak.amplitude, peak.phase});
   if (!response_.status.ok()) throw Error(response_.status);
 }
