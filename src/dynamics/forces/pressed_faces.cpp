@@ -16,36 +16,16 @@ using Eigen::MatrixXd;
 constexpr std::size_t kMost = 24;  // coordinates of a face of eight nodes
 
 ElementType face_type(const Mesh& mesh, const MeshFace& face) {
-  return shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)].type;
+  return shape_of(mesh.type(face.element)).faces[at(face.face)].type;
 }
 
 void check_solid(const FlexibleBody& body) {
   if (body.vertices_per_node() != 1) throw std::invalid_argument("pressure acts on solid bodies only");
 }
 
-class NodalFaces final : public PressedFaces {
+/// Faces whose forces are on coordinates of their nodes.
+class FacesOfNodes : public PressedFaces {
  public:
-  NodalFaces(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces) : body_(body) {
-    std::map<Index, std::size_t> known;
-    const std::unordered_map<std::int64_t, Index> numbers = body.assembly().numbers_by_label();
-    for (const MeshFace& face : faces) {
-      const auto number = numbers.find(mesh.element_label(face.element));
-      Face next{face_type(mesh, face), number == numbers.end() ? -1 : number->second, {}, {}, {}, {}};
-      const std::vector<Index> nodes = mesh.face_nodes(face);
-      for (const Index node : nodes) {
-        static_cast<void>(body.assembly().pattern().entry(node, nodes.front()));
-        for (Index i = 0; i < 3; ++i) {
-          const auto [it, fresh] = known.emplace(body.coordinate(node) + i, rows_.size());
-          if (fresh) rows_.push_back(it->first);
-          next.rows.push_back(it->first);
-          next.places.push_back(body.configuration(node) + i);
-          next.own.push_back(it->second);
-        }
-      }
-      faces_.push_back(std::move(next));
-    }
-  }
-
   void declare(PatternBuilder& w) const override {
     for (const Face& face : faces_) w.add_block(face.rows, face.rows);
   }
@@ -56,6 +36,45 @@ class NodalFaces final : public PressedFaces {
         for (const Index r : face.rows) face.entries.push_back(find_entry(w, c, r));
     }
   }
+
+ protected:
+  struct Face {
+    ElementType type = ElementType::quad4;
+    Index element = -1;              ///< whose face it is, by the number in the body's assembly; -1: not known
+    std::vector<Index> rows{};       ///< velocity coordinates, three for every node; six of a shell
+    std::vector<Index> places{};     ///< of the same numbers in the configuration
+    std::vector<std::size_t> own{};  ///< of the same in rows()
+    std::vector<Offset> entries{};   ///< of W, column by column
+  };
+  void add(Face& face, Index row, Index place) {
+    const auto [it, fresh] = known_.emplace(row, rows_.size());
+    if (fresh) rows_.push_back(row);
+    face.rows.push_back(row);
+    face.places.push_back(place);
+    face.own.push_back(it->second);
+  }
+  std::vector<Face> faces_;
+
+ private:
+  std::map<Index, std::size_t> known_;
+};
+
+class NodalFaces final : public FacesOfNodes {
+ public:
+  NodalFaces(const FlexibleBody& body, const Mesh& mesh, std::span<const MeshFace> faces) : body_(body) {
+    const std::unordered_map<std::int64_t, Index> numbers = body.assembly().numbers_by_label();
+    for (const MeshFace& face : faces) {
+      const auto number = numbers.find(mesh.element_label(face.element));
+      Face next{face_type(mesh, face), number == numbers.end() ? -1 : number->second};
+      const std::vector<Index> nodes = mesh.face_nodes(face);
+      for (const Index node : nodes) {
+        static_cast<void>(body.assembly().pattern().entry(node, nodes.front()));
+        for (Index i = 0; i < 3; ++i) add(next, body.coordinate(node) + i, body.configuration(node) + i);
+      }
+      faces_.push_back(std::move(next));
+    }
+  }
+
   [[nodiscard]] std::vector<double> slope(ConstSpan q) const override {
     std::vector<double> result(rows_.size(), 0.0);
     for (const Face& face : faces_) {
@@ -78,14 +97,6 @@ class NodalFaces final : public PressedFaces {
   }
 
  private:
-  struct Face {
-    ElementType type;
-    Index element;                 ///< whose face it is, by the number in the body's assembly; -1: not known
-    std::vector<Index> rows;       ///< velocity coordinates, three for every node
-    std::vector<Index> places;     ///< of the same numbers in the configuration
-    std::vector<std::size_t> own;  ///< of the same in rows()
-    std::vector<Offset> entries;   ///< of W, column by column
-  };
   static void gather(const Face& face, ConstSpan q, double* x) {
     for (std::size_t i = 0; i < face.places.size(); ++i) x[i] = q[at(face.places[i])];
   }
@@ -95,41 +106,23 @@ class NodalFaces final : public PressedFaces {
     return face.element >= 0 && !failed.empty() && failed[at(face.element)] != 0;
   }
   const FlexibleBody& body_;
-  std::vector<Face> faces_;
 };
 
 /// The side x = r + offset d of a shell: force f on x is f on r and offset f on the director d.
-class ShellSide final : public PressedFaces {
+class ShellSide final : public FacesOfNodes {
  public:
   ShellSide(const FlexibleBody& body, std::span<const std::array<Index, 4>> quads, double offset) : offset_(offset) {
-    std::map<Index, std::size_t> known;
     for (const std::array<Index, 4>& quad : quads) {
       Face next;
       for (std::size_t k = 0; k < 4; ++k) {
         const Index node = quad[offset < 0 ? 3 - k : k];  // anticlockwise from outside
-        for (Index i = 0; i < 6; ++i) {                   // r, then d
-          const Index row = body.coordinate(2 * node) + i;
-          const auto [it, fresh] = known.emplace(row, rows_.size());
-          if (fresh) rows_.push_back(row);
-          next.rows.push_back(row);
-          next.places.push_back(body.configuration(2 * node) + i);
-          next.own.push_back(it->second);
-        }
+        for (Index i = 0; i < 6; ++i)                     // r, then d
+          add(next, body.coordinate(2 * node) + i, body.configuration(2 * node) + i);
       }
       faces_.push_back(std::move(next));
     }
   }
 
-  void declare(PatternBuilder& w) const override {
-    for (const Face& face : faces_) w.add_block(face.rows, face.rows);
-  }
-  void bind(const SparsePattern& w) override {
-    for (Face& face : faces_) {
-      face.entries.clear();
-      for (const Index c : face.rows)
-        for (const Index r : face.rows) face.entries.push_back(find_entry(w, c, r));
-    }
-  }
   [[nodiscard]] std::vector<double> slope(ConstSpan q) const override {
     std::vector<double> result(rows_.size(), 0.0);
     for (const Face& face : faces_) {
@@ -154,12 +147,6 @@ class ShellSide final : public PressedFaces {
 
  private:
   static constexpr std::size_t kOfSide = 12;
-  struct Face {
-    std::vector<Index> rows;       ///< velocity coordinates, six for every node
-    std::vector<Index> places;     ///< of the same numbers in the configuration
-    std::vector<std::size_t> own;  ///< of the same in rows()
-    std::vector<Offset> entries;   ///< of W, column by column
-  };
   /// The share of number i of a face: what x takes of it, and which number of x that is.
   [[nodiscard]] double factor(std::size_t i) const { return i % 6 < 3 ? 1 : offset_; }
   static std::size_t of_side(std::size_t i) { return 3 * (i / 6) + i % 3; }
@@ -168,7 +155,6 @@ class ShellSide final : public PressedFaces {
     for (std::size_t i = 0; i < face.places.size(); ++i) x[of_side(i)] += factor(i) * q[at(face.places[i])];
   }
   double offset_;
-  std::vector<Face> faces_;
 };
 
 /// Forces in the axes of the body depend on the shapes alone: their sum, moment and work on each shape.
@@ -218,8 +204,7 @@ class ReducedFaces final : public PressedFaces {
     }
     block.bottomRightCorner(body_.modes(), body_.modes()) = shapes_.transpose() * df;
     for (Eigen::Index c = 0; c < block.cols(); ++c)
-      for (Eigen::Index k = 0; k < block.rows(); ++k)
-        w_values[at(entries_[static_cast<std::size_t>(c)] + k)] += scale * block(k, c);
+      for (Eigen::Index k = 0; k < block.rows(); ++k) w_values[at(entries_[at(c)] + k)] += scale * block(k, c);
   }
 
  private:
@@ -262,11 +247,9 @@ class ReducedFaces final : public PressedFaces {
       add_pressure_tangent(face.type, 1, -1, x, k);
       const auto n = static_cast<Eigen::Index>(3 * face.nodes.size());
       MatrixXd own(n, shapes_.cols());
-      for (Eigen::Index i = 0; i < n; i += 3)
-        own.middleRows(i, 3) = shapes_.middleRows(3 * face.nodes[static_cast<std::size_t>(i / 3)], 3);
+      for (Eigen::Index i = 0; i < n; i += 3) own.middleRows(i, 3) = shapes_.middleRows(3 * face.nodes[at(i / 3)], 3);
       const MatrixXd d = Eigen::Map<const MatrixXd>(k, n, n) * own;
-      for (Eigen::Index i = 0; i < n; i += 3)
-        sum.middleRows(3 * face.nodes[static_cast<std::size_t>(i / 3)], 3) += d.middleRows(i, 3);
+      for (Eigen::Index i = 0; i < n; i += 3) sum.middleRows(3 * face.nodes[at(i / 3)], 3) += d.middleRows(i, 3);
     }
     return sum;
   }

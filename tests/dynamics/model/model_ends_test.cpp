@@ -8,6 +8,7 @@
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/model/built_model.hpp"
 #include "dynamics/model/model_common.hpp"
+#include "dynamics/model/run/guarded.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -16,6 +17,15 @@ bool says(const std::vector<std::string>& notices, const std::string& words) {
   for (const std::string& notice : notices)
     if (notice.find(words) != std::string::npos) return true;
   return false;
+}
+
+// What each public entry says where memory does not do: responses, modes, derivatives, checks and FMUs as runs do.
+TEST(ModelEnds, WithoutMemoryAreAStatus) {
+  const auto of = [](auto failure) { return model::guarded([&] { throw failure; }); };
+  EXPECT_EQ(of(std::bad_alloc()).code, StatusCode::out_of_memory);
+  EXPECT_EQ(of(std::length_error("vector")).code, StatusCode::out_of_memory);
+  EXPECT_EQ(of(Error(StatusCode::singular, "no", 3)).row, 3);
+  EXPECT_TRUE(model::guarded([] {}).ok());
 }
 
 TEST(ModelEnds, AfterANumberOfSteps) {

@@ -1,10 +1,9 @@
 // The public entry of frequency responses: failures become a status.
 #include "espalier/model_harmonic.hpp"
 
-#include <new>
-
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/read/expand.hpp"
+#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 
 namespace espalier {
@@ -12,7 +11,7 @@ namespace espalier {
 ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::string& name,
                                            const SimulationOptions& options) {
   ModelHarmonicResult result;
-  try {
+  const Status failed = dynamics::model::guarded([&] {
     dynamics::model::Value root = dynamics::model::parse_toml(text, name);
     dynamics::model::expand(root, options.set);
     const dynamics::model::Description model = dynamics::model::read_description(root, name);
@@ -30,29 +29,21 @@ ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::s
     } catch (const Error& error) {
       result = runner.response();
       result.status = error.status();
-      return result;
+      return;
     }
     result = runner.response();
     if (summary.interrupted && result.status.ok())
       result.status = {StatusCode::cancelled, "the caller has stopped the search for an equilibrium", -1};
-  } catch (const Error& error) {
-    result.status = error.status();
-  } catch (const std::bad_alloc&) {
-    result.status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-  }
+  });
+  if (!failed.ok()) result.status = failed;
   return result;
 }
 
 ModelHarmonicResult model_harmonic(const std::string& path, const SimulationOptions& options) {
   std::string text;
-  try {
-    text = dynamics::read_whole_file(path);
-  } catch (const Error& error) {
-    ModelHarmonicResult result;
-    result.status = error.status();
-    return result;
-  }
-  return model_harmonic_of_text(text, path, options);
+  ModelHarmonicResult result;
+  result.status = dynamics::model::guarded([&] { text = dynamics::read_whole_file(path); });
+  return result.status.ok() ? model_harmonic_of_text(text, path, options) : result;
 }
 
 }  // namespace espalier

@@ -4,12 +4,12 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <new>
 
 #include "base/stage.hpp"
 #include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/read/expand.hpp"
+#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 
 namespace espalier {
@@ -61,7 +61,7 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
                                      const std::vector<double>& values, int count, const SimulationOptions& options) {
   ModelModesResult result;
   result.number = number;
-  try {
+  const Status failed = dynamics::model::guarded([&] {
     if (values.empty()) throw Error(StatusCode::invalid_input, "modes: no value of '" + number + "' is given");
     const std::string source = source_of(text, name, number);
     // Where there is one value alone, what is done for it counts.
@@ -78,25 +78,17 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
         throw Error(status);
       }
     }
-  } catch (const Error& error) {
-    result.status = error.status();
-  } catch (const std::bad_alloc&) {
-    result.status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-  }
+  });
+  if (!failed.ok()) result.status = failed;
   return result;
 }
 
 ModelModesResult model_modes(const std::string& path, const std::string& number, const std::vector<double>& values,
                              int count, const SimulationOptions& options) {
   std::string text;
-  try {
-    text = dynamics::model::read_model_text(path);
-  } catch (const Error& error) {
-    ModelModesResult result;
-    result.status = error.status();
-    return result;
-  }
-  return model_modes_of_text(text, path, number, values, count, options);
+  ModelModesResult result;
+  result.status = dynamics::model::guarded([&] { text = dynamics::model::read_model_text(path); });
+  return result.status.ok() ? model_modes_of_text(text, path, number, values, count, options) : result;
 }
 
 std::string modes_table(const ModelModesResult& result) {

@@ -2,12 +2,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <new>
 
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/read/expand.hpp"
+#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "espalier/model_text.hpp"
 
@@ -15,20 +15,9 @@ namespace espalier {
 namespace {
 
 using dynamics::model::Description;
+using dynamics::model::guarded;
 using dynamics::model::Section;
 using dynamics::model::Value;
-
-template <class Action>
-Status checked(const Action& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.status();
-  } catch (const std::bad_alloc&) {
-    return {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-  }
-  return {};
-}
 
 /// Nobody has written the text that a part comes in.
 void forget_lines(Value& value) {
@@ -153,7 +142,7 @@ std::string json(const Value& value) {
 }  // namespace
 
 Status check_model_text(const std::string& text, const std::string& name, const std::vector<std::string>& set) {
-  return checked([&] {
+  return guarded([&] {
     Value root = dynamics::model::parse_toml(text, name);
     dynamics::model::expand(root, set);
     if (root.find("integrator") == nullptr && root.find("statics") == nullptr && root.find("harmonic") == nullptr)
@@ -165,14 +154,14 @@ Status check_model_text(const std::string& text, const std::string& name, const 
 
 Status check_model(const std::string& path, const std::vector<std::string>& set) {
   std::string text;
-  const Status status = checked([&] { text = dynamics::read_whole_file(path); });
+  const Status status = guarded([&] { text = dynamics::read_whole_file(path); });
   return status.ok() ? check_model_text(text, path, set) : status;
 }
 
 Status check_model_part(const std::string& section, const std::string& name, const std::string& text,
                         const std::string& file) {
   Value given;
-  const Status status = checked([&] {
+  const Status status = guarded([&] {
     Value root = given = dynamics::model::parse_toml(text, "");
     forget_lines(root);
     dynamics::model::expand(root, {});

@@ -1,11 +1,11 @@
 #include "espalier/sensitivities.hpp"
 
 #include <algorithm>
-#include <new>
 #include <stdexcept>
 
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/derivatives/sensitivity_run.hpp"
+#include "dynamics/model/run/guarded.hpp"
 
 namespace espalier {
 
@@ -35,13 +35,9 @@ SensitivityResult differentiated(const std::string& text, const std::string& nam
                                  const std::vector<SensitivityParameter>& parameters, const SimulationOptions& options,
                                  SensitivityMethod method, const SensitivityObjective& objective) {
   SensitivityResult result;
-  try {
-    dynamics::model::SensitivityRun(text, name, parameters, options, method, objective, result).run();
-  } catch (const Error& error) {
-    result.status = error.status();
-  } catch (const std::bad_alloc&) {
-    result.status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-  }
+  const Status status = dynamics::model::guarded(
+      [&] { dynamics::model::SensitivityRun(text, name, parameters, options, method, objective, result).run(); });
+  if (!status.ok()) result.status = status;
   result.summary.status = result.status;
   return result;
 }
@@ -50,14 +46,9 @@ SensitivityResult differentiated(const std::string& text, const std::string& nam
 template <class Use>
 SensitivityResult of_file(const std::string& path, const Use& use) {
   std::string text;
-  try {
-    text = dynamics::read_whole_file(path);
-  } catch (const Error& error) {
-    SensitivityResult result;
-    result.status = error.status();
-    return result;
-  }
-  return use(text);
+  SensitivityResult result;
+  result.status = dynamics::model::guarded([&] { text = dynamics::read_whole_file(path); });
+  return result.status.ok() ? use(text) : result;
 }
 
 }  // namespace

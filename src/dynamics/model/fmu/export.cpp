@@ -5,7 +5,6 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <new>
 
 #include "base/checksum.hpp"
 #include "base/output_file.hpp"
@@ -16,6 +15,7 @@
 #include "dynamics/model/fmu/library.hpp"
 #include "dynamics/model/read/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
+#include "dynamics/model/run/guarded.hpp"
 #include "espalier/fmu.hpp"
 #include "fmi/contents.hpp"
 #include "fmi/describe.hpp"
@@ -250,24 +250,12 @@ class Exporter {
   fmi::Contents contents_;
 };
 
-template <class Action>
-Status guarded_export(const Action& action) {
-  try {
-    action();
-  } catch (const Error& error) {
-    return error.status();
-  } catch (const std::bad_alloc&) {
-    return {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-  }
-  return {};
-}
-
 }  // namespace
 
 FmuResult export_fmu(const std::string& model, const std::string& path, const FmuOptions& options) {
   FmuResult result;
   std::string text;
-  result.status = guarded_export([&] {
+  result.status = dynamics::model::guarded([&] {
     text = dynamics::model::robots::is_robot_file(model)
                ? dynamics::model::robots::robot_as_model(dynamics::read_whole_file(model), model).text
                : dynamics::model::read_model_text(model);
@@ -278,7 +266,7 @@ FmuResult export_fmu(const std::string& model, const std::string& path, const Fm
 FmuResult export_fmu_of_text(const std::string& text, const std::string& name, const std::string& path,
                              const FmuOptions& options) {
   FmuResult result;
-  result.status = guarded_export([&] { Exporter(text, name, options).run(path, result); });
+  result.status = dynamics::model::guarded([&] { Exporter(text, name, options).run(path, result); });
   return result;
 }
 

@@ -1,7 +1,6 @@
 // The public entry: failures become a Status.
 #include <algorithm>
 #include <cmath>
-#include <new>
 #include <stdexcept>
 
 #include "base/output_file.hpp"
@@ -9,6 +8,7 @@
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/read/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
+#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 #include "espalier/dynamics.hpp"
 
@@ -25,18 +25,8 @@ struct Simulation::Impl {
   /// Runs `action`; what it throws becomes the status of the summary.
   template <class Action>
   Status guard(const Action& action) {
-    Status& status = summary.status;
-    status = {};
-    try {
-      action();
-    } catch (const Error& error) {
-      status = error.status();
-    } catch (const std::bad_alloc&) {
-      status = {StatusCode::out_of_memory, "the machine's memory is too small for this model", -1};
-    } catch (const std::length_error&) {
-      status = {StatusCode::out_of_memory, "the model needs an array longer than the machine can address", -1};
-    }
-    return status;
+    summary.status = {};
+    return summary.status = dynamics::model::guarded(action);
   }
 
   [[nodiscard]] Runner& loaded() const {
