@@ -18,6 +18,7 @@
 #include "device/cuda/tables/made_tasks.hpp"
 #include "device/cuda/tables/needed_values.hpp"
 #include "matrix/generators/generate.hpp"
+#include "parameters.hpp"
 #include "plan/regions.hpp"
 
 namespace espalier {
@@ -33,6 +34,10 @@ struct Parameter {
   Index devices;
   bool stealing;
   bool shared_top = true;
+  friend void PrintTo(const Parameter& p, std::ostream* out) {
+    test::print(*out, p.words, p.kind) << " on " << p.devices << (p.stealing ? " stealing" : "")
+                                       << (p.shared_top ? "" : " alone");
+  }
 };
 
 class CudaDevices : public ::testing::TestWithParam<Parameter> {

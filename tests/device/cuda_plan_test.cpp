@@ -18,6 +18,7 @@
 #include "device/cuda/tables/path_tasks.hpp"
 #include "device/cuda/tables/tile_tasks.hpp"
 #include "matrix/generators/generate.hpp"
+#include "parameters.hpp"
 
 namespace espalier {
 namespace cuda_plan_test {
@@ -30,6 +31,7 @@ using device::cuda::Work;
 struct Parameter {
   std::vector<std::string> words;
   Kind kind;
+  friend void PrintTo(const Parameter& p, std::ostream* out) { test::print(*out, p.words, p.kind); }
 };
 
 /// Whether there are more than 64 rows of a row block below two wide tile columns of one row block.

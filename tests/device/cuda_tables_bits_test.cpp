@@ -14,6 +14,7 @@
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
 #include "out_of_core/plan.hpp"
+#include "parameters.hpp"
 
 namespace espalier {
 namespace cuda_tables_bits_test {
@@ -151,6 +152,7 @@ struct Parameter {
   std::vector<std::string> words;
   Kind kind;
   std::map<std::string, std::uint64_t> hashes;
+  friend void PrintTo(const Parameter& p, std::ostream* out) { test::print(*out, p.words, p.kind); }
 };
 
 class CudaTablesBits : public ::testing::TestWithParam<Parameter> {};

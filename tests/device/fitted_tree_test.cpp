@@ -11,6 +11,7 @@
 #include "analysis/verify.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
+#include "parameters.hpp"
 #include "plan/regions.hpp"
 
 namespace espalier {
@@ -19,6 +20,7 @@ namespace fitted_tree_test {
 struct Parameter {
   std::vector<std::string> words;
   Kind kind;
+  friend void PrintTo(const Parameter& p, std::ostream* out) { test::print(*out, p.words, p.kind); }
 };
 
 class FittedTree : public ::testing::TestWithParam<Parameter> {

@@ -15,6 +15,7 @@
 #include "device/host/host_executor.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/generators/random.hpp"
+#include "parameters.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier {
@@ -28,6 +29,7 @@ constexpr double kTiny = 1e-14;
 struct System {
   std::vector<std::string> words;
   Kind kind;
+  friend void PrintTo(const System& p, std::ostream* out) { test::print(*out, p.words, p.kind); }
 };
 
 std::vector<double> random_values(Offset n) {

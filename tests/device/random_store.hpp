@@ -14,6 +14,7 @@
 #include "analysis/ordering.hpp"
 #include "device/cuda/tables/device_plan.hpp"
 #include "matrix/generators/generate.hpp"
+#include "parameters.hpp"
 
 namespace espalier {
 namespace random_store {
@@ -24,6 +25,9 @@ struct Parameter {
   std::vector<std::string> words;
   Kind kind;
   Index columns;
+  friend void PrintTo(const Parameter& p, std::ostream* out) {
+    test::print(*out, p.words, p.kind) << " for " << p.columns;
+  }
 };
 
 class RandomStore : public ::testing::TestWithParam<Parameter> {

@@ -16,6 +16,7 @@
 #include "analysis/ordering.hpp"
 #include "cuda_plan_flags.hpp"
 #include "matrix/generators/generate.hpp"
+#include "parameters.hpp"
 
 namespace espalier {
 namespace tile_messages_test {
@@ -32,6 +33,7 @@ struct System {
   std::vector<std::string> words;
   Kind kind;
   Index devices;
+  friend void PrintTo(const System& p, std::ostream* out) { test::print(*out, p.words, p.kind) << " on " << p.devices; }
 };
 
 class Machines : public ::testing::TestWithParam<System> {

@@ -18,6 +18,7 @@
 #include "device/host/out_of_core/backend.hpp"
 #include "matrix/generators/generate.hpp"
 #include "out_of_core/executor.hpp"
+#include "parameters.hpp"
 #include "plan/plan.hpp"
 
 namespace espalier::test {
@@ -30,6 +31,7 @@ inline constexpr double kTiny = 1e-14;
 struct OutOfCoreSystem {
   std::vector<std::string> words;
   Kind kind;
+  friend void PrintTo(const OutOfCoreSystem& p, std::ostream* out) { print(*out, p.words, p.kind); }
 };
 
 inline std::vector<OutOfCoreSystem> out_of_core_systems() {

@@ -2,6 +2,7 @@
 // plan/ownership.hpp, checked task by task and front by front; Graham's bound for largest-first lists.
 #include "plan/ownership.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -21,6 +22,9 @@ namespace {
 struct Parameter {
   std::vector<std::string> words;
   Index devices;
+  friend void PrintTo(const Parameter& p, std::ostream* out) {
+    *out << fmt::format("{} on {}", fmt::join(p.words, " "), p.devices);
+  }
 };
 
 class OwnershipOfTasks : public ::testing::TestWithParam<Parameter> {

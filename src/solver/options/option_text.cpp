@@ -9,7 +9,6 @@
 #include <cmath>
 #include <limits>
 
-#include "base/named.hpp"
 #include "plan/machine_model.hpp"
 #include "solver/options/device_text.hpp"
 #include "solver/options/option_check.hpp"
@@ -51,8 +50,6 @@ T parse_name(std::string_view key, std::string_view value, const base::Named<T> 
   reject(key, value, expected);
 }
 
-constexpr base::Named<Kind> kKinds[] = {
-    {"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}};
 constexpr base::Named<Precision> kPrecisions[] = {
     {"fp64", Precision::fp64}, {"fp32", Precision::fp32}, {"mixed", Precision::mixed}, {"auto", Precision::automatic}};
 

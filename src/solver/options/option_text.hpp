@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/named.hpp"
 #include "espalier/solver.hpp"
 
 namespace espalier::solver {
@@ -24,6 +25,8 @@ void set_option(Options& options, std::string_view key, std::string_view value);
 std::vector<std::string_view> option_keys();
 
 /// The names used in texts and reports.
+inline constexpr base::Named<Kind> kKinds[] = {
+    {"auto", Kind::automatic}, {"llt", Kind::llt}, {"ldlt", Kind::ldlt}, {"lu", Kind::lu}};
 std::string_view name_of(Kind kind);
 std::string_view name_of(Precision precision);
 std::string_view name_of(StatusCode code);

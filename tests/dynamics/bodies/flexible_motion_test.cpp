@@ -8,6 +8,7 @@
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/initial.hpp"
 #include "dynamics/meshers/parts.hpp"
+#include "dynamics/parameters.hpp"
 
 namespace espalier::dynamics {
 namespace {

@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "dynamics/model/derivatives/run_differences.hpp"
+#include "dynamics/parameters.hpp"
 #include "espalier/sensitivities.hpp"
 
 namespace espalier {
@@ -19,6 +20,7 @@ struct SwitchCase {
     double value;
   };
   std::vector<Slope> slopes;
+  friend void PrintTo(const SwitchCase& p, std::ostream* out) { *out << p.name; }
 };
 
 std::string mass(const std::string& parameters, const std::string& rest, const char* velocity, double end) {

@@ -9,6 +9,7 @@
 
 #include "dynamics/elements/element.hpp"
 #include "dynamics/mesh/element_type.hpp"
+#include "dynamics/parameters.hpp"
 
 namespace espalier::dynamics::test {
 

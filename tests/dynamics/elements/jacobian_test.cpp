@@ -50,6 +50,7 @@ using Maker = std::function<std::unique_ptr<Component>(FramePtr, FramePtr)>;
 struct Case {
   std::string name;
   Maker make;
+  friend void PrintTo(const Case& p, std::ostream* out) { *out << p.name; }
 };
 
 class JacobiansOf : public testing::TestWithParam<Case> {};

@@ -217,6 +217,7 @@ void check_system(AssembledSystem& system, Draws& draws, const std::string& what
 struct Made {
   std::string name;
   std::function<std::unique_ptr<Component>(FramePtr, FramePtr)> make;
+  friend void PrintTo(const Made& p, std::ostream* out) { *out << p.name; }
 };
 
 class TangentsOf : public testing::TestWithParam<Made> {};

@@ -36,6 +36,7 @@ using Maker = std::function<std::unique_ptr<Joint>(std::string, FramePtr, FrameP
 struct Kind {
   const char* name;
   Maker make;
+  friend void PrintTo(const Kind& p, std::ostream* out) { *out << p.name; }
 };
 
 class RigidPairOf : public testing::TestWithParam<Kind> {};

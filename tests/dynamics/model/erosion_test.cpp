@@ -258,6 +258,7 @@ struct Kind {
   std::string mesh;  // of a table
   int corners = 0;   // of those that are cut
   bool second = false;
+  friend void PrintTo(const Kind& p, std::ostream* out) { *out << p.name; }
 };
 
 std::vector<Kind> all_kinds() {

@@ -33,6 +33,7 @@ envelopes = ["bar.stress.xx", "wall.force.x"]
 
 struct Formulation {
   const char *element, *options;
+  friend void PrintTo(const Formulation& p, std::ostream* out) { *out << p.element << p.options; }
 };
 
 class FieldsOfABar : public testing::TestWithParam<Formulation> {};
