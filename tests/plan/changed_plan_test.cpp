@@ -34,18 +34,10 @@ std::vector<analysis::PivotMove> random_moves(const AssemblyTree& t, std::mt1993
 }
 
 PlanOptions random_options(std::mt19937& random) {
-  const auto pick = [&](std::initializer_list<Index> list) { return *(list.begin() + random() % list.size()); };
-  PlanOptions o;
-  o.tiles.whole_rows = pick({8, 24, 128});
-  o.tiles.whole_pivots = std::min(pick({8, 24, 96}), o.tiles.whole_rows);
-  o.tiles.max_block_size = pick({0, 8, 16});
-  const unsigned kind = random() % 3;
-  o.unsymmetric = kind == 2;
-  o.ldlt = kind == 1;
-  o.range_flops = static_cast<double>(pick({0, 100, 10000}));
-  o.group_entries = pick({0, 100, 5000});
-  o.interleave = pick({1, 2, 4});
-  o.reuse_distance = pick({0, 1, 8});
+  PlanOptions o = random_tiles(random);
+  o.group_entries = pick(random, {0, 100, 5000});
+  o.interleave = pick(random, {1, 2, 4});
+  o.reuse_distance = pick(random, {0, 1, 8});
   return o;
 }
 

@@ -18,15 +18,7 @@ namespace {
 using namespace testing;
 
 PlanOptions options_that_keep(std::mt19937& random) {
-  const auto pick = [&](std::initializer_list<Index> list) { return *(list.begin() + random() % list.size()); };
-  PlanOptions o;
-  o.tiles.whole_rows = pick({8, 24, 128});
-  o.tiles.whole_pivots = std::min(pick({8, 24, 96}), o.tiles.whole_rows);
-  o.tiles.max_block_size = pick({0, 8, 16});
-  const unsigned kind = random() % 3;
-  o.unsymmetric = kind == 2;
-  o.ldlt = kind == 1;
-  o.range_flops = static_cast<double>(pick({0, 100, 10000}));
+  PlanOptions o = random_tiles(random);
   o.keep_contributions = true;
   return o;
 }

@@ -20,6 +20,23 @@ using analysis::AssemblyTree;
 using analysis::build_tree;
 using analysis::Graph;
 
+inline Index pick(std::mt19937& random, std::initializer_list<Index> list) {
+  return *(list.begin() + random() % list.size());
+}
+
+/// Tiles of small systems, whole fronts and such of many tiles, of every kind.
+inline PlanOptions random_tiles(std::mt19937& random) {
+  PlanOptions o;
+  o.tiles.whole_rows = pick(random, {8, 24, 128});
+  o.tiles.whole_pivots = std::min(pick(random, {8, 24, 96}), o.tiles.whole_rows);
+  o.tiles.max_block_size = pick(random, {0, 8, 16});
+  const unsigned kind = random() % 3;
+  o.unsymmetric = kind == 2;
+  o.ldlt = kind == 1;
+  o.range_flops = static_cast<double>(pick(random, {0, 100, 10000}));
+  return o;
+}
+
 inline SparseMatrix matrix_of(const Graph& g, Storage storage, bool duplicates, std::mt19937& random) {
   SparseMatrix a{g.n, g.n, {0}, {}, {}, storage};
   const auto keep = [&](Index r, Index c) {

@@ -4,57 +4,18 @@
 
 #include <string>
 
-#include "solver/changed_values.hpp"
-#include "solver/gpu/gpu_fixture.hpp"
+#include "solver/gpu/gpu_variants.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
-
-#include "device/cuda/runtime/cuda_faults.hpp"
 
 namespace espalier {
 namespace gpu_kept_numbers_test {
 
 using namespace changed_values;
+using namespace gpu_variants;
 
-class GpuKeptNumbers : public test::OnGpu {
- protected:
-  void TearDown() override { device::cuda::call_faults().arm(0); }
-};
-
-struct Variant {
-  const char* name;
-  Kind kind;
-  Precision precision = Precision::fp64;
-  Index block = 0;
-  Rescale rescale = Rescale::off;
-};
-
-constexpr Variant kVariants[] = {{"llt", Kind::llt},
-                                 {"llt in narrow tiles", Kind::llt, Precision::fp64, 32},
-                                 {"llt in FP32", Kind::llt, Precision::fp32},
-                                 {"ldlt", Kind::ldlt},
-                                 {"ldlt in FP32", Kind::ldlt, Precision::fp32},
-                                 {"ldlt rescaled", Kind::ldlt, Precision::fp64, 0, Rescale::on},
-                                 {"lu", Kind::lu},
-                                 {"lu mixed", Kind::lu, Precision::mixed},
-                                 {"lu in FP32", Kind::lu, Precision::fp32},
-                                 {"chosen", Kind::automatic}};
-
-Options on_gpu(bool partial) {
-  Options o = bare(partial);
-  o.device = "gpu:0";
-  o.threads = 2;
-  return o;
-}
-
-std::vector<SparseMatrix> matrices(Kind kind, unsigned seed) {
-  std::vector<SparseMatrix> list{reference::random_system(900, 4, Values::positive, seed)};
-  if (kind != Kind::llt) list.push_back(reference::saddle_point(300, 80, seed));
-  if (kind == Kind::lu) list.push_back(reference::random_system(700, 4, Values::general, seed));
-  list.push_back(elasticity(seed % 2 == 0 ? 7 : 11));
-  return list;
-}
+class GpuKeptNumbers : public FaultsOnGpu {};
 
 TEST_F(GpuKeptNumbers, HaveTheBitsOfAWholeFactorization) {
   for (const Variant& v : kVariants) {
