@@ -5,12 +5,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <new>
 #include <stdexcept>
 
 #include "dynamics/constraints/redundancy.hpp"
 #include "dynamics/dae/check.hpp"
 #include "dynamics/dae/function_system.hpp"
+#include "dynamics/guarded.hpp"
 #include "dynamics/integrators/bdf.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/integrators/initial.hpp"
@@ -123,19 +123,6 @@ struct Dae::Impl {
       integrator = std::make_unique<GeneralizedAlpha>(equations, alpha_options(options));
   }
 
-  /// Runs `action`; expected failures become a status.
-  template <class Action>
-  static Status guarded(const Action& action) {
-    try {
-      action();
-    } catch (const Error& error) {
-      return error.status();
-    } catch (const std::bad_alloc&) {
-      return {StatusCode::out_of_memory, "the machine's memory is too small for this system", -1};
-    }
-    return {};
-  }
-
   void begin(double t, std::span<const double> q, std::span<const double> v) {
     const auto n = static_cast<std::size_t>(system.sizes().velocity);
     if (q.size() != n || v.size() != n)
@@ -191,12 +178,12 @@ Dae::Dae(Dae&&) noexcept = default;
 Dae& Dae::operator=(Dae&&) noexcept = default;
 
 Status Dae::start(double t, std::span<const double> q, std::span<const double> v) {
-  return Impl::guarded([&] { impl_->begin(t, q, v); });
+  return guarded([&] { impl_->begin(t, q, v); }, "system");
 }
 
 Status Dae::integrate(double t_end, const std::function<bool(const DaeStep&)>& observe) {
   impl_->need_start();
-  return Impl::guarded([&] { impl_->run(t_end, observe); });
+  return guarded([&] { impl_->run(t_end, observe); }, "system");
 }
 
 StateView Dae::state() const {

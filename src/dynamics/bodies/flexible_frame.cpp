@@ -6,16 +6,11 @@
 #include <stdexcept>
 
 #include "dense/dense.hpp"
+#include "dynamics/bodies/rotation.hpp"
 #include "dynamics/elements/shape_functions.hpp"
 
 namespace espalier::dynamics {
 namespace {
-
-Mat3 cross_matrix(const Vec3& a) {
-  Mat3 m;
-  m << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-  return m;
-}
 
 Mat3 g_of(const Mat3& u) { return u.trace() * Mat3::Identity() - u; }
 
@@ -101,13 +96,13 @@ FlexibleFrame::Fit FlexibleFrame::fit_or_none(ConstSpan q) const {
 }
 
 Mat3 FlexibleFrame::Fit::force_of(const Vec3& moment) const {
-  return rotation * cross_matrix(inverse_g.transpose() * (rotation.transpose() * moment));
+  return rotation * skew(inverse_g.transpose() * (rotation.transpose() * moment));
 }
 
 FlexibleFrame::Derivative FlexibleFrame::Fit::derivative(const FrameVertex& b, int j) const {
   const Vec3 turned = rotation.row(j).transpose();  // R^T e_j
   const Vec3 phi = inverse_g * b.arm.cross(turned);
-  return {phi, turned * b.arm.transpose() - cross_matrix(phi) * stretch};
+  return {phi, turned * b.arm.transpose() - skew(phi) * stretch};
 }
 
 FlexibleFrame::Turning FlexibleFrame::turning(const Fit& f, ConstSpan v) const {
@@ -133,7 +128,7 @@ void FlexibleFrame::motion(ConstSpan q, ConstSpan v, FrameMotion& out) const {
   if (v.empty()) return;
   const auto [omega, rate] = turning(f, v);
   // G omega' = d/dt(sum B x R^T v) - G' omega with a = 0; U' = R^T A' - [omega] U
-  const Mat3 stretch_rate = rate - cross_matrix(omega) * f.stretch;
+  const Mat3 stretch_rate = rate - skew(omega) * f.stretch;
   Vec3 right = -g_of(stretch_rate) * omega;
   for (const FrameVertex& vertex : vertices_)
     right -= vertex.arm.cross(omega.cross(f.rotation.transpose() * at(v, body_.placement().v, vertex.vertex)));
@@ -150,7 +145,7 @@ void FlexibleFrame::jacobian(ConstSpan q, double* j) const {
   Eigen::Index column = 0;
   for (const FrameVertex& vertex : vertices_) {
     result.block<3, 3>(0, column) = vertex.weight * Mat3::Identity();
-    result.block<3, 3>(3, column) = left * (cross_matrix(vertex.arm) * right);
+    result.block<3, 3>(3, column) = left * (skew(vertex.arm) * right);
     column += 3;
   }
 }
@@ -187,7 +182,7 @@ void FlexibleFrame::rate_jacobian(ConstSpan q, ConstSpan v, double* jv) const {
 Mat3 FlexibleFrame::Fit::change_of_force(const FrameVertex& b, int j, const Vec3& moment, const Vec3& c) const {
   const auto [phi, d_stretch] = derivative(b, j);
   const Vec3 dc = inverse_g * (-phi.cross(moment) - g_of(d_stretch) * c);
-  return rotation * (cross_matrix(phi) * cross_matrix(c) + cross_matrix(dc));
+  return rotation * (skew(phi) * skew(c) + skew(dc));
 }
 
 void FlexibleFrame::wrench_stiffness(ConstSpan q, const Vec6& wrench, double scale, double* k) const {

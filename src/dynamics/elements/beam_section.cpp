@@ -17,6 +17,19 @@ double rectangle_torsion(double side1, double side2) {
   return a * b * b * b * (1.0 / 3 - 64 / std::pow(std::numbers::pi, 5) * b / a * sum);
 }
 
+/// Where forces along y and z have shear areas of their own.
+BeamSection thin_section(const Material& m, double area, double iy, double iz, double torsion,
+                         const std::array<double, 2>& shear_areas) {
+  BeamSection s = section_of(m, area, iy, iz, torsion, 1);
+  s.shear_y = m.mu() * shear_areas[0];
+  s.shear_z = m.mu() * shear_areas[1];
+  return s;
+}
+
+double cube(double x) { return x * x * x; }
+
+}  // namespace
+
 BeamSection section_of(const Material& m, double area, double iy, double iz, double torsion, double shear) {
   const double g = m.mu();
   BeamSection s;
@@ -31,19 +44,6 @@ BeamSection section_of(const Material& m, double area, double iy, double iz, dou
   s.inertia_z = m.density * iy;
   return s;
 }
-
-/// Where forces along y and z have shear areas of their own.
-BeamSection thin_section(const Material& m, double area, double iy, double iz, double torsion,
-                         const std::array<double, 2>& shear_areas) {
-  BeamSection s = section_of(m, area, iy, iz, torsion, 1);
-  s.shear_y = m.mu() * shear_areas[0];
-  s.shear_z = m.mu() * shear_areas[1];
-  return s;
-}
-
-double cube(double x) { return x * x * x; }
-
-}  // namespace
 
 BeamSection tube_section(const Material& m, double outer, double wall) {
   const double inner = outer - wall, ratio = inner / outer, more = 1 + ratio * ratio;

@@ -21,6 +21,8 @@ struct BeamSection {
   double inertia_z = 0;        ///< rho * integral of z^2
 };
 
+/// @param torsion  torsion constant @param shear  factor of both directions
+BeamSection section_of(const Material& material, double area, double iy, double iz, double torsion, double shear);
 /// A rectangle of `height` along y and `width` along z. Shear factor 10 (1 + nu) / (12 + 11 nu) (Cowper 1966) in both
 /// directions, torsion constant by Saint-Venant's series.
 BeamSection rectangular_section(const Material& material, double height, double width);

@@ -7,12 +7,6 @@
 namespace espalier::dynamics {
 namespace {
 
-Mat3 cross_matrix(const Vec3& a) {
-  Mat3 m;
-  m << 0, -a[2], a[1], a[2], 0, -a[0], -a[1], a[0], 0;
-  return m;
-}
-
 class LineLoad final : public PressedFaces {
  public:
   LineLoad(std::vector<LoadedPoint> points, const LineLoadLaw& law) : law_(law) {
@@ -63,8 +57,8 @@ class LineLoad final : public PressedFaces {
       if (law_.follower) {
         Eigen::MatrixXd j(6, n), turned(6, n);
         p.frame->jacobian(q, j.data());
-        turned.topRows<3>() = -cross_matrix(wrench.head<3>()) * j.bottomRows<3>();
-        turned.bottomRows<3>() = -cross_matrix(wrench.tail<3>()) * j.bottomRows<3>();
+        turned.topRows<3>() = -skew(wrench.head<3>()) * j.bottomRows<3>();
+        turned.bottomRows<3>() = -skew(wrench.tail<3>()) * j.bottomRows<3>();
         k -= scale * j.transpose() * turned;
       }
       for (std::size_t e = 0; e < p.entries.size(); ++e) w_values[at(p.entries[e])] += k.data()[e];

@@ -4,11 +4,11 @@
 
 #include <cmath>
 
+#include "dynamics/guarded.hpp"
 #include "dynamics/integrators/interpolation.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/model/built_model.hpp"
 #include "dynamics/model/model_common.hpp"
-#include "dynamics/model/run/guarded.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -21,11 +21,11 @@ bool says(const std::vector<std::string>& notices, const std::string& words) {
 
 // What each public entry says where memory does not do: responses, modes, derivatives, checks and FMUs as runs do.
 TEST(ModelEnds, WithoutMemoryAreAStatus) {
-  const auto of = [](auto failure) { return model::guarded([&] { throw failure; }); };
+  const auto of = [](auto failure) { return guarded([&] { throw failure; }); };
   EXPECT_EQ(of(std::bad_alloc()).code, StatusCode::out_of_memory);
   EXPECT_EQ(of(std::length_error("vector")).code, StatusCode::out_of_memory);
   EXPECT_EQ(of(Error(StatusCode::singular, "no", 3)).row, 3);
-  EXPECT_TRUE(model::guarded([] {}).ok());
+  EXPECT_TRUE(guarded([] {}).ok());
 }
 
 TEST(ModelEnds, AfterANumberOfSteps) {

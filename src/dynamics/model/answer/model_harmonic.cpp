@@ -1,9 +1,9 @@
 // The public entry of frequency responses: failures become a status.
 #include "espalier/model_harmonic.hpp"
 
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/read/expand.hpp"
-#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 
 namespace espalier {
@@ -11,7 +11,7 @@ namespace espalier {
 ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::string& name,
                                            const SimulationOptions& options) {
   ModelHarmonicResult result;
-  const Status failed = dynamics::model::guarded([&] {
+  const Status failed = dynamics::guarded([&] {
     dynamics::model::Value root = dynamics::model::parse_toml(text, name);
     dynamics::model::expand(root, options.set);
     const dynamics::model::Description model = dynamics::model::read_description(root, name);
@@ -42,7 +42,7 @@ ModelHarmonicResult model_harmonic_of_text(const std::string& text, const std::s
 ModelHarmonicResult model_harmonic(const std::string& path, const SimulationOptions& options) {
   std::string text;
   ModelHarmonicResult result;
-  result.status = dynamics::model::guarded([&] { text = dynamics::read_whole_file(path); });
+  result.status = dynamics::guarded([&] { text = dynamics::read_whole_file(path); });
   return result.status.ok() ? model_harmonic_of_text(text, path, options) : result;
 }
 

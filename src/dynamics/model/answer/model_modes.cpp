@@ -6,10 +6,10 @@
 #include <cmath>
 
 #include "base/stage.hpp"
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/read/formats.hpp"
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/read/expand.hpp"
-#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 
 namespace espalier {
@@ -61,7 +61,7 @@ ModelModesResult model_modes_of_text(const std::string& text, const std::string&
                                      const std::vector<double>& values, int count, const SimulationOptions& options) {
   ModelModesResult result;
   result.number = number;
-  const Status failed = dynamics::model::guarded([&] {
+  const Status failed = dynamics::guarded([&] {
     if (values.empty()) throw Error(StatusCode::invalid_input, "modes: no value of '" + number + "' is given");
     const std::string source = source_of(text, name, number);
     // Where there is one value alone, what is done for it counts.
@@ -87,7 +87,7 @@ ModelModesResult model_modes(const std::string& path, const std::string& number,
                              int count, const SimulationOptions& options) {
   std::string text;
   ModelModesResult result;
-  result.status = dynamics::model::guarded([&] { text = dynamics::model::read_model_text(path); });
+  result.status = dynamics::guarded([&] { text = dynamics::model::read_model_text(path); });
   return result.status.ok() ? model_modes_of_text(text, path, number, values, count, options) : result;
 }
 

@@ -26,17 +26,9 @@ CableSection bar_of(double young, double area, double mass) {
 BeamSection beam_of_constants(const Material& m, const std::array<double, 6>& x) {
   constexpr double kStiff = 1e3;  // of shear, where the file says that there is none
   const auto [area, iy, iz, j, ky, kz] = x;
-  BeamSection s;
-  s.axial = s.section_normal = m.young * area;
-  s.section_shear = m.mu() * area;
+  BeamSection s = section_of(m, area, iy, iz, j, 1);
   s.shear_y = m.mu() * area * (ky > 0 ? ky : kStiff);
   s.shear_z = m.mu() * area * (kz > 0 ? kz : kStiff);
-  s.torsion = m.mu() * j;
-  s.bending_y = m.young * iy;
-  s.bending_z = m.young * iz;
-  s.mass_per_length = m.density * area;
-  s.inertia_y = m.density * iz;
-  s.inertia_z = m.density * iy;
   for (const double stiffness : {s.axial, s.torsion, s.bending_y, s.bending_z})
     if (!(stiffness > 0))
       refuse(

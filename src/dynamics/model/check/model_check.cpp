@@ -3,19 +3,19 @@
 #include <cmath>
 #include <filesystem>
 
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/check/part_keys.hpp"
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/read/expand.hpp"
-#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "espalier/model_text.hpp"
 
 namespace espalier {
 namespace {
 
+using dynamics::guarded;
 using dynamics::model::Description;
-using dynamics::model::guarded;
 using dynamics::model::Section;
 using dynamics::model::Value;
 

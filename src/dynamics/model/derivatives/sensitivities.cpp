@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <stdexcept>
 
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/derivatives/sensitivity_run.hpp"
-#include "dynamics/model/run/guarded.hpp"
 
 namespace espalier {
 
@@ -35,7 +35,7 @@ SensitivityResult differentiated(const std::string& text, const std::string& nam
                                  const std::vector<SensitivityParameter>& parameters, const SimulationOptions& options,
                                  SensitivityMethod method, const SensitivityObjective& objective) {
   SensitivityResult result;
-  const Status status = dynamics::model::guarded(
+  const Status status = dynamics::guarded(
       [&] { dynamics::model::SensitivityRun(text, name, parameters, options, method, objective, result).run(); });
   if (!status.ok()) result.status = status;
   result.summary.status = result.status;
@@ -47,7 +47,7 @@ template <class Use>
 SensitivityResult of_file(const std::string& path, const Use& use) {
   std::string text;
   SensitivityResult result;
-  result.status = dynamics::model::guarded([&] { text = dynamics::read_whole_file(path); });
+  result.status = dynamics::guarded([&] { text = dynamics::read_whole_file(path); });
   return result.status.ok() ? use(text) : result;
 }
 

@@ -8,6 +8,7 @@
 
 #include "base/checksum.hpp"
 #include "base/output_file.hpp"
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/take.hpp"
@@ -15,7 +16,6 @@
 #include "dynamics/model/fmu/library.hpp"
 #include "dynamics/model/read/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
-#include "dynamics/model/run/guarded.hpp"
 #include "espalier/fmu.hpp"
 #include "fmi/contents.hpp"
 #include "fmi/describe.hpp"
@@ -255,7 +255,7 @@ class Exporter {
 FmuResult export_fmu(const std::string& model, const std::string& path, const FmuOptions& options) {
   FmuResult result;
   std::string text;
-  result.status = dynamics::model::guarded([&] {
+  result.status = dynamics::guarded([&] {
     text = dynamics::model::robots::is_robot_file(model)
                ? dynamics::model::robots::robot_as_model(dynamics::read_whole_file(model), model).text
                : dynamics::model::read_model_text(model);
@@ -266,7 +266,7 @@ FmuResult export_fmu(const std::string& model, const std::string& path, const Fm
 FmuResult export_fmu_of_text(const std::string& text, const std::string& name, const std::string& path,
                              const FmuOptions& options) {
   FmuResult result;
-  result.status = dynamics::model::guarded([&] { Exporter(text, name, options).run(path, result); });
+  result.status = dynamics::guarded([&] { Exporter(text, name, options).run(path, result); });
   return result;
 }
 

@@ -4,11 +4,11 @@
 #include <stdexcept>
 
 #include "base/output_file.hpp"
+#include "dynamics/guarded.hpp"
 #include "dynamics/mesh/text_file.hpp"
 #include "dynamics/model/decks/take.hpp"
 #include "dynamics/model/read/expand.hpp"
 #include "dynamics/model/robots/robots.hpp"
-#include "dynamics/model/run/guarded.hpp"
 #include "dynamics/model/run/runner.hpp"
 #include "espalier/dynamics.hpp"
 
@@ -26,7 +26,7 @@ struct Simulation::Impl {
   template <class Action>
   Status guard(const Action& action) {
     summary.status = {};
-    return summary.status = dynamics::model::guarded(action);
+    return summary.status = dynamics::guarded(action);
   }
 
   [[nodiscard]] Runner& loaded() const {
