@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Iterable
 from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._results import Inertia, Solve, _Table
-from ._matrices import _arrays, _indices, _numbers
-from ._solver import _STORAGE, Solver, _finite
+from ._matrices import _STORAGE, _arrays, _indices, _numbers
+from ._solver import Solver, _finite
 
 if TYPE_CHECKING:
     import numpy as np

@@ -8,8 +8,7 @@ from . import _checks, _core
 from ._errors import AccuracyWarning, make_error
 from ._progress import Asked, watching
 from ._results import _Table, table
-from ._matrices import _arrays, _numbers, not_sparse
-from ._solver import _STORAGE
+from ._matrices import _STORAGE, _arrays, _numbers, not_sparse
 
 if TYPE_CHECKING:
     import numpy as np

@@ -2,6 +2,10 @@
 
 from typing import Any
 
+_STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
+            "hermitian": 6}
+SYMMETRIES = tuple(_STORAGE)  # "auto" and "general" are both stored as 0
+
 
 def _numbers(a: Any, what: str, complex_too: bool = False) -> Any:
     """`a` as float64, or complex128 where it is complex, without a copy where it is that already."""

@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 from . import _checks
 from ._errors import make_error
+from ._matrices import SYMMETRIES
 from ._progress import Asked
 from ._results import Analysis
-from ._solver import SYMMETRIES, Solver
+from ._solver import Solver
 
 if TYPE_CHECKING:
     from typing_extensions import Unpack

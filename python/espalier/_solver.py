@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, overload
 from . import _checks, _core, _device
 from ._errors import Error, make_error, transposed_error
 from ._inverse import SelectedInverse
-from ._matrices import _arrays, _floats, _indices, _numbers
+from ._matrices import _STORAGE, _arrays, _floats, _indices, _numbers
 from ._operator import Inverse
+from ._pickled import Pickled
 from ._progress import Asked, wanted, watching
 from ._results import Analysis, Change, Factor, Inertia, Solve
 from ._solutions import Solutions
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from ._options import MatrixOptions, SolverOptions
 
 _core.set_error_maker(make_error)
-_STORAGE = {"auto": 0, "general": 0, "lower": 1, "upper": 2, "symmetric": 3, "hermitian_lower": 4, "hermitian_upper": 5,
-            "hermitian": 6}
-SYMMETRIES = tuple(_STORAGE)  # "auto" and "general" are both stored as 0
 
 
 def _finite(values: Any) -> bool:
@@ -37,7 +35,7 @@ def _matrix_error(status: "tuple[int, str, int]", by_rows: bool, kind: str) -> E
     return transposed_error(*status) if swapped else make_error(*status)
 
 
-class Solver(Solutions, SelectedInverse, Inverse):
+class Solver(Solutions, SelectedInverse, Inverse, Pickled):
     """A direct solver for one sparse system at a time.
 
     A: scipy.sparse matrix or array of any format, or (indptr, indices, data) of compressed rows with indices from 0;
@@ -322,30 +320,6 @@ class Solver(Solutions, SelectedInverse, Inverse):
         self._core.close()
         self.factor = None
 
-    def __reduce__(self) -> Any:
-        state = self._core.state()
-        if state == 0:
-            return _revive, (type(self), self._options)
-        if not self._core.has_pattern(self._pattern[0], self._pattern[1], self._by_rows, self._storage, self._complex):
-            raise ValueError("the arrays of the matrix have been changed since its analysis: call factorize(A) again"
-                             " before the solver is pickled")
-        from tempfile import TemporaryDirectory
-
-        with TemporaryDirectory() as folder:
-            file = os.path.join(folder, "analysis")
-            self.save_analysis(file)
-            with open(file, "rb") as f:
-                analysis = f.read()
-        values = None if self.factor is None else self._core.values()
-        if values is not None and self._complex:
-            values = values.view("complex128")
-        options = dict(self._options)
-        if self._storage != self._storage_of(self._complex):  # of a file
-            options["symmetry"] = SYMMETRIES[self._storage + 1]
-        if self.analysis is not None and options.get("kind", "auto") != "auto":
-            options["kind"] = self.analysis.kind
-        return _revive, (type(self), options, self._pattern, self._by_rows, analysis, values, self._complex)
-
     def __repr__(self) -> str:
         return f"<espalier.Solver: {self._words()}>"
 
@@ -365,23 +339,6 @@ class Solver(Solutions, SelectedInverse, Inverse):
 
     def __exit__(self, *_: Any) -> None:
         self.close()
-
-
-def _revive(kind: "type[Solver]", options: "dict[str, Any]", pattern: Any = None, by_rows: bool = False,
-            analysis: bytes = b"", values: Any = None, complex_values: bool = False) -> Solver:
-    solver = kind(**options)
-    if pattern is None:
-        return solver
-    from tempfile import TemporaryDirectory
-
-    with TemporaryDirectory() as folder:
-        file = os.path.join(folder, "analysis")
-        with open(file, "wb") as f:
-            f.write(analysis)
-        solver._analyze((*pattern, values, by_rows), file, complex_values)
-    if values is not None:
-        solver.factorize(values)
-    return solver
 
 
 @overload

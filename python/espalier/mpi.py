@@ -8,8 +8,7 @@ from typing import Any
 from . import _checks, _core
 from ._errors import make_error
 from ._results import Analysis, Factor, Inertia, Solve
-from ._matrices import _floats, _indices, _numbers
-from ._solver import _STORAGE
+from ._matrices import _STORAGE, _floats, _indices, _numbers
 
 __all__ = ["Solver", "adapter"]
 
