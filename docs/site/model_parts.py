@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
 """Signatures and lists of keys from the rows of model_keys.py, which are those of the readers of models.
 
-    python3 docs/site/model_parts.py --write     writes python/espalier/_parts.py and .pyi, src/dynamics/model/check/part_keys.cpp
+    python3 docs/site/model_parts.py --write     writes python/espalier/_models/parts.py and .pyi, src/dynamics/model/check/part_keys.cpp
     python3 docs/site/model_parts.py --check     says which of them are stale; exit code 1
 
 Which reader belongs to which type of a part stands here, and which keys of a reader with a switch; the tests hold that
-against the readers themselves (python/tests/test_parts.py): each key of a type is known there, all others are not."""
+against the readers themselves (python/tests/models/test_parts.py): each key of a type is known there, all others are not."""
 import keyword
 import re
 import sys
@@ -273,7 +273,7 @@ def stub(rows):
 
 def runtime(rows):
     out = [f'"""{MADE}"""\n', "from typing import Any\n\n",
-           "class Parts:", '    """The calls that add a named part to a model; signatures by type stand in _parts.pyi."""\n',
+           "class Parts:", '    """The calls that add a named part to a model; signatures by type stand in parts.pyi."""\n',
            "    def part(self, section: str, name: str, /, keys: Any) -> str:", "        \"\"\"See Model.part().\"\"\"\n        raise NotImplementedError\n"]
     for section, method, head, words in METHODS:
         several = section in TYPE_KEY
@@ -326,7 +326,7 @@ def table(rows):
 def collect():
     """({path: content}, complaints)."""
     rows = Rows()
-    made = {"python/espalier/_parts.pyi": stub(rows), "python/espalier/_parts.py": runtime(rows),
+    made = {"python/espalier/_models/parts.pyi": stub(rows), "python/espalier/_models/parts.py": runtime(rows),
             "src/dynamics/model/check/part_keys.cpp": table(rows)}
     for section, kinds in PARTS.items():
         known = {name for readers, chosen, _ in kinds.values() for name in rows.keys(readers, chosen)}

@@ -1,5 +1,5 @@
-// Schur complements, changes around a factor, batches. Private: espalier/_changes.py gives them types, checks and
-// exceptions. Matrices come in compressed columns.
+// Schur complements, changes around a factor, batches. Private: espalier/_linear/changes.py gives them types, checks
+// and exceptions. Matrices come in compressed columns.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>

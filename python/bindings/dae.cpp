@@ -1,5 +1,5 @@
-// Systems of Python's functions: the generic layer of the simulator. Private: espalier/_dae.py gives it types and
-// checks.
+// Systems of Python's functions: the generic layer of the simulator. Private: espalier/_models/dae.py gives it types
+// and checks.
 #include "espalier/dae.hpp"
 
 #include <nanobind/ndarray.h>
@@ -39,7 +39,7 @@ nb::object vector_of(ConstSpan x) { return array_of(std::vector<double>(x.begin(
 // What a function of Python returned, to where the library wants it. _dae.py has checked types and sizes.
 void take(const nb::object& answer, std::span<double> out) {
   const auto numbers = nb::cast<Vector>(answer);
-  if (numbers.size() != out.size()) throw std::logic_error("espalier._dae: a vector of another size");
+  if (numbers.size() != out.size()) throw std::logic_error("espalier.Dae: a vector of another size");
   std::copy_n(numbers.data(), out.size(), out.begin());
 }
 

@@ -1,4 +1,4 @@
-// FMUs of models. Private: espalier/_model.py gives it types and checks.
+// FMUs of models. Private: espalier/_models/model.py gives it types and checks.
 #include "espalier/fmu.hpp"
 
 #include <nanobind/stl/string.h>

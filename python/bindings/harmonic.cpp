@@ -1,4 +1,4 @@
-// Frequency responses. Private: espalier/_harmonic.py gives them types, checks and exceptions.
+// Frequency responses. Private: espalier/_pencils/harmonic.py gives them types, checks and exceptions.
 #include "espalier/harmonic.hpp"
 
 #include <nanobind/stl/pair.h>

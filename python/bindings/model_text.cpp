@@ -1,4 +1,4 @@
-// Texts of models. Private: espalier/_model.py gives them types and exceptions.
+// Texts of models. Private: espalier/_models/model.py gives them types and exceptions.
 #include "espalier/model_text.hpp"
 
 #include <nanobind/stl/map.h>

@@ -1,4 +1,4 @@
-// Modes of pencils. Private: espalier/_modes.py gives them types, checks and exceptions.
+// Modes of pencils. Private: espalier/_pencils/modes.py gives them types, checks and exceptions.
 #include "espalier/modes.hpp"
 
 #include <nanobind/stl/pair.h>

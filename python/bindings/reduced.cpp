@@ -1,4 +1,4 @@
-// Reduced matrices of bodies. Private: espalier/_reduced.py gives them types, checks and exceptions.
+// Reduced matrices of bodies. Private: espalier/_models/reduced.py gives them types, checks and exceptions.
 #include <nanobind/stl/array.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>

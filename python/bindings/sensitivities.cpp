@@ -1,4 +1,4 @@
-// Derivatives of simulations. Private: espalier/_sensitivities.py gives them types and exceptions.
+// Derivatives of simulations. Private: espalier/_models/sensitivities.py gives them types and exceptions.
 #include "espalier/sensitivities.hpp"
 
 #include <nanobind/ndarray.h>

@@ -1,4 +1,4 @@
-// The simulator's part of the module _core. Private: espalier/_simulation.py gives it types and checks.
+// The simulator's part of the module _core. Private: espalier/_models/simulation.py gives it types and checks.
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>

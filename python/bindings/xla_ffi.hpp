@@ -1,8 +1,8 @@
 /// \file
 /// What a handler of XLA's foreign function interface is called with: the part of its C interface (xla/ffi/api/c_api.h
 /// of OpenXLA, major version 0) that xla.cpp needs, declared here so that the package is built without JAX. These
-/// structures only grow at their ends, and each says how long it is. python/tests/test_xla_layout.py holds them against
-/// the headers of the jaxlib that is there.
+/// structures only grow at their ends, and each says how long it is. python/tests/linear/test_xla_layout.py holds them
+/// against the headers of the jaxlib that is there.
 #pragma once
 
 #include <cstddef>

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from . import _checks, _core
-from ._changes import _checked, _columns
-from ._matrices import _floats, _indices, _numbers
-from ._results import Inertia, Solve, _Table
-from ._solver import Solver
+from ._linear.changes import _checked, _columns
+from ._linear.matrices import _floats, _indices, _numbers
+from ._linear.results import Inertia, Solve, _Table
+from ._linear.solver import Solver
 
 if TYPE_CHECKING:
     import numpy as np

@@ -15,7 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import _cache, _core
+from . import _core
+from ._linear import cache as _cache
 
 clear = _cache.clear
 

@@ -7,8 +7,8 @@ from typing import Any
 
 from . import _checks, _core
 from ._errors import make_error
-from ._results import Analysis, Factor, Inertia, Solve
-from ._matrices import _STORAGE, _floats, _indices, _numbers
+from ._linear.results import Analysis, Factor, Inertia, Solve
+from ._linear.matrices import _STORAGE, _floats, _indices, _numbers
 
 __all__ = ["Solver", "adapter"]
 

@@ -8,7 +8,7 @@ from typing import Any
 import ngsolve.la as la
 import numpy as np
 
-from ._solver import Solver
+from ._linear.solver import Solver
 
 options: "dict[str, Any]" = {}
 

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
 from ._errors import SingularMatrixError
-from ._solver import Solver
+from ._linear.solver import Solver
 
 _eigsh, _eigs = spla.eigsh, spla.eigs  # not those of patch()
 

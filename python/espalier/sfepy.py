@@ -7,7 +7,7 @@ from sfepy.base.base import Struct
 from sfepy.solvers import register_solver
 from sfepy.solvers.solvers import LinearSolver
 
-from ._solver import Solver
+from ._linear.solver import Solver
 
 
 class EspalierSolver(LinearSolver):

@@ -12,7 +12,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from . import _cache, _device
+from . import _device
+from ._linear import cache as _cache
 
 clear = _cache.clear
 

@@ -15,7 +15,7 @@ import espalier, pickle
 solver = espalier.Solver(([0, 1, 2], [0, 1], [2.0, 4.0]))
 x = pickle.loads(pickle.dumps(solver)).solve([2.0, 4.0])
 assert abs(x - 1).max() < 1e-15
-print(espalier._core.__file__, espalier._solver._core is espalier._core)
+print(espalier._core.__file__, espalier._linear.solver._core is espalier._core)
 """
 
 

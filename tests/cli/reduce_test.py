@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""`espalier reduce`: the files that it writes, and what it refuses. Numbers are held by python/tests/test_reduced.py."""
+"""`espalier reduce`: the files that it writes, and what it refuses. Numbers are held by python/tests/models/test_reduced.py."""
 
 import json
 import sys

@@ -1,5 +1,5 @@
 // Ties of shells and loads per length: their derivatives beside central differences, anywhere. What they are good for
-// is held against closed forms in python/tests/thin.
+// is held against closed forms in python/tests/models/thin.
 #include <gtest/gtest.h>
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // The file that results go to, against itself read back, known checksums, and copies of it as a killed run leaves them.
-// That other programs read it is tested with VTK's reader: python/tests/test_vtkhdf.py.
+// That other programs read it is tested with VTK's reader: python/tests/models/test_vtkhdf.py.
 #include "dynamics/output/hdf5_file.hpp"
 
 #include <gtest/gtest.h>

@@ -1,0 +1,1 @@
+"""The direct solver and what is around it."""

@@ -1,0 +1,1 @@
+"""Models of mechanisms: made, run, answered."""
