@@ -11,7 +11,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 # Fields of Options whose name is not that of the text.
 FIELDS = {"device_memory": "device_memory_bytes", "host_memory": "host_memory_bytes", "pinned_memory": "pinned_memory_bytes"}
-WORDS = {"Kind::automatic": "auto", "Precision::fp64": "fp64", "SingularMatrix::error": "error", "Rescale::off": "off"}
+
+
+def tables():
+    """Table of named values -> {value: name}."""
+    text = "".join((ROOT / "src/solver/options" / f).read_text() for f in ("option_text.hpp", "option_text.cpp"))
+    return {m[1]: {value: name for name, value in re.findall(r'\{"(\w+)", ([\w:]+)\}', m[2])}
+            for m in re.finditer(r"base::Named<\w+> (k\w+)\[\] = \{(.*?)\};", text, re.S)}
 
 
 def names():
@@ -27,12 +33,12 @@ def names():
 def values():
     """Name of an option -> what it takes, as its messages say it."""
     text = (ROOT / "src/solver/options/option_text.cpp").read_text()
-    lists = {m[1]: re.findall(r'\{"(\w+)"', m[2]) for m in re.finditer(r"> (k\w+)\{\s*\{(.*?)\}\};", text, re.S)}
+    lists = tables()
     found = {}
     for entry in re.split(r'\n    (?=\{")', text[text.index("kOptions{{"):text.index("\n}};")])[1:]:
         name = re.match(r'\{"(\w+)"', entry)[1]
         if m := re.search(r"parse_name\(k, v, (k\w+)\)", entry):
-            found[name] = [f"`{w}`" for w in lists[m[1]]]
+            found[name] = [f"`{w}`" for w in lists[m[1]].values()]
         elif "parse_switch" in entry:
             found[name] = ["`on`", "`off`"]
         elif "parse_budget" in entry:
@@ -83,6 +89,7 @@ def enumeration(text, name):
 
 def page():
     known, words = fields(), values()
+    named = {value: name for rows in tables().values() for value, name in rows.items()}
     out = ["# Options by name", "",
            "One set of names for all: the command line (`--device-memory 2GiB`), the `[solver]` section of a model, keywords in",
            "Python (`esp.Solver(A, device=\"cpu\")`), `espalier_set_option` in C, and the environment for programs that know",
@@ -95,7 +102,7 @@ def page():
         if field not in known:
             sys.exit(f"option_names.py: Options has no field '{field}'")
         default, meaning = known[field]
-        default = WORDS.get(default, default).strip('"')
+        default = named.get(default, default).strip('"')
         default = {"false": "off", "true": "on"}.get(default, default)
         cells = (f"`{name}`", f"`{default}`" if default else "", ", ".join(words.get(name, ())), meaning)
         out.append("| " + " | ".join(c.replace("|", "\\|").replace("<", "&lt;") for c in cells) + " |")

@@ -118,7 +118,7 @@ def check_python():
 def check_names():
     """Names of ours in the tables for those who come from elsewhere."""
     headers = "\n".join(f.read_text() for f in sorted((ROOT / "include/espalier").iterdir()))
-    python = "\n".join(f.read_text() for f in sorted((ROOT / "python/espalier").glob("*.py")))
+    python = "\n".join(f.read_text() for f in sorted((ROOT / "python/espalier").rglob("*.py")))
     guide = "\n".join((ROOT / "docs/guide" / f).read_text() for f in (*model_keys.GUIDE, "stresses.md"))
     words = set(re.findall(r"\w+", " ".join(re.findall(r"`([^`\n]+)`", guide))))  # of models, which model_keys checks
     known = set(re.findall(r"\w+", headers + python)) | set(option_names.names()) | {"auto", "gpu", "mixed"} | words
