@@ -48,9 +48,9 @@ struct ChangedSolveResult : SolveResult {
 /// factor the columns stay there. Each solve takes one with A and products with the columns. Solutions are refined with
 /// the residual of the changed system.
 ///
-/// Where columns and solves with them have taken as many operations as a factorization of the changed matrix would, it
-/// is factorized, beside the solver's factor, which stays as it is: so the whole costs at most twice what the better of
-/// both ways would have (ChangeCost; set_folding()).
+/// Where a factorization of the changed matrix would take fewer operations than the columns that are missing and what
+/// solves have done with columns since the last one, it is factorized, beside the solver's factor, which stays as it is
+/// (ChangeCost; set_folding()). Columns that were made do not count: those of later changes are needed either way.
 ///
 /// Unknowns keep their numbers whatever comes and goes: 0 to n - 1 are those of A, added ones follow in the order in
 /// which they came. The Solver must outlive this object and keep its factor: once it is factorized again, calls throw

@@ -32,8 +32,8 @@ class ChangedSystem:
     """Rows and columns around the factor of a Solver: constraints and bounds that come and go, unknowns that are removed or replaced, A + U C V^T.
 
     Unknowns keep their numbers: 0 to n - 1 are those of A, added ones follow. Changes are noted; the next solve() lets the columns of what is
-    new go through the factor together. With folding=True, which set it so at first, the changed matrix is factorized, beside the solver's factor, where columns have
-    taken as many operations as that (`cost`).
+    new go through the factor together. With folding=True, which set it so at first, the changed matrix is factorized, beside the solver's factor, where that takes
+    fewer operations than the columns that are missing and what solves have done with columns since the last time (`cost`).
     The solver keeps its factor meanwhile; once it is factorized again, calls raise RuntimeError until reset(). Solves with
     the transpose of an unsymmetric matrix take two solves with the factor, of compressed rows (CSR) those without.
 

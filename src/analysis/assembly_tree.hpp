@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "base/lazy_vector.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -18,8 +19,9 @@ struct AssemblyTree {
   std::vector<Index> first;     ///< fronts + 1; front f eliminates the positions first[f] .. first[f + 1] - 1
   std::vector<Index> parent;    ///< fronts; the parent front, -1 for a root; parent[f] > f
   std::vector<Offset> row_ptr;  ///< fronts + 1; into `rows`
-  std::vector<Index> rows;      ///< positions of the rows below the pivots of each front, ascending; all of them are
-                                ///< pivots of ancestors or of the border, and contained in the parent's pivots and rows
+  base::LazyVector<Index>
+      rows;  ///< positions of the rows below the pivots of each front, ascending; all of them are
+             ///< pivots of ancestors or of the border, and contained in the parent's pivots and rows
 
   [[nodiscard]] Index fronts() const { return static_cast<Index>(parent.size()); }
   [[nodiscard]] Index pivots(Index f) const { return first[f + 1] - first[f]; }

@@ -51,10 +51,10 @@ void add_border(AssemblyTree& tree, Index size, std::span<const BorderEntry> lin
   join_roots(tree, rows);
   for (Index f = 0; f < tree.fronts(); ++f)
     if (const Index up = tree.parent[at(f)]; up >= 0 && tree.parent[at(up)] < 0) merge(rows[at(up)], rows[at(f)]);
-  std::vector<Index> all;
+  base::LazyVector<Index> all;
   std::vector<Offset> ptr(1, 0);
   for (Index f = 0; f < tree.fronts(); ++f) {
-    all.insert(all.end(), tree.rows.begin() + tree.row_ptr[at(f)], tree.rows.begin() + tree.row_ptr[at(f) + 1]);
+    all.append(tree.rows.begin() + tree.row_ptr[at(f)], tree.rows.begin() + tree.row_ptr[at(f) + 1]);
     for (const Index row : rows[at(f)]) all.push_back(tree.n + row);
     ptr.push_back(static_cast<Offset>(all.size()));
   }

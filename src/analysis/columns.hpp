@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 
@@ -16,7 +16,7 @@ struct Columns {
   std::span<const Offset> ptr;
   std::span<const Index> ind;
   std::vector<Offset> own_ptr;
-  LazyVector<Index> own_ind;
+  base::LazyVector<Index> own_ind;
 
   [[nodiscard]] std::span<const Index> operator[](std::int64_t j) const {
     const auto k = static_cast<std::size_t>(j);
@@ -36,9 +36,9 @@ Columns transpose(const Columns& columns, Index n, base::ThreadPool& pool);
 
 /// Both triangles of a symmetric matrix of which one is stored, values included.
 struct FullMatrix {
-  std::vector<Offset> ptr;   ///< n + 1
-  LazyVector<Index> row;     ///< ptr[n]
-  LazyVector<double> value;  ///< ptr[n]
+  std::vector<Offset> ptr;         ///< n + 1
+  base::LazyVector<Index> row;     ///< ptr[n]
+  base::LazyVector<double> value;  ///< ptr[n]
 };
 FullMatrix both_triangles(const MatrixView& a, base::ThreadPool& pool);
 

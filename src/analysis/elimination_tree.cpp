@@ -206,7 +206,7 @@ std::vector<Index> inverse(std::span<const Index> order, base::ThreadPool& pool)
 
 Graph permute(const Graph& graph, std::span<const Index> order, base::ThreadPool& pool) {
   const std::vector<Index> position = inverse(order, pool);
-  Graph out{graph.n, std::vector<Offset>(order.size() + 1, 0), LazyVector<Index>(graph.adj.size())};
+  Graph out{graph.n, std::vector<Offset>(order.size() + 1, 0), base::LazyVector<Index>(graph.adj.size())};
   for (std::size_t k = 0; k < order.size(); ++k)
     out.ptr[k + 1] = out.ptr[k] + static_cast<Offset>(graph.neighbours(order[k]).size());
   pool.for_each_range(graph.n, kTreeRange, [&](std::int64_t begin, std::int64_t end) {

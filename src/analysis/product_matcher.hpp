@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
@@ -89,7 +89,7 @@ class ProductMatcher {
   bool symmetric_;
   base::ThreadPool& pool_;
   std::vector<double> log_row_, log_col_;  // logarithms of the scaling factors, from the first bid on
-  LazyVector<double> log_;                 // logarithms of the magnitudes, -infinity for no entry
+  base::LazyVector<double> log_;           // logarithms of the magnitudes, -infinity for no entry
   Offset effort_ = 0;                      // entries that bids may still look at
   // One search: distances of rows, the columns they were reached from, the rows whose distance is final.
   std::vector<double> distance_;

@@ -26,12 +26,12 @@ solver::StoredMatrix repeated(const MatrixView& a, Index copies) {
   return all;
 }
 
-template <class T>
-std::vector<T> repeated(const std::vector<T>& one, Index copies, T step) {
-  std::vector<T> all;
+template <class List, class T>
+List repeated(const List& one, Index copies, T step) {
+  List all;
   all.reserve(one.size() * at(copies));
   for (Index k = 0; k < copies; ++k)
-    for (const T v : one) all.push_back(v + static_cast<T>(k) * step);
+    for (const auto v : one) all.push_back(v + static_cast<T>(k) * step);
   return all;
 }
 

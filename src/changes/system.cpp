@@ -89,8 +89,8 @@ template <class T>
 void System<T>::prepare() {
   if (!stale_) return;
   find_wanted();
-  const ChangeCost so_far = cost();
-  const bool pays = so_far.changes + sweep_work(base(), border_.missing(wanted_)) >= so_far.factorization;
+  // Columns of changes to come have to be made either way, and those that were made are spent.
+  const bool pays = spared_ + sweep_work(base(), border_.missing(wanted_)) >= cost().factorization;
   if (folds_ && !refused_ && !wanted_.empty() && pays) {
     try {
       factorize_changed();
@@ -100,6 +100,7 @@ void System<T>::prepare() {
     }
   }
   update();
+  count_spared(dense_work(base(), border_.active().size()));
   bool regular = border_.factorize(base());
   // S may be singular to rounding where the factor of the base is near to it: a factor of its own knows better.
   if (!regular && folds_) {
@@ -183,6 +184,7 @@ void System<T>::factorize_changed() {
   folded_.emplace(session_of(*own_), std::move(alive));
   const Index before = cost_.factorizations;
   cost_ = {};
+  spared_ = 0;
   cost_.factorizations = before + 1;
   cost_.factorization_seconds = base::now_seconds() - start;
 }

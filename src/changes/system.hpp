@@ -77,6 +77,11 @@ class System {
   [[nodiscard]] std::vector<double> errors_of(const Vectors& r, const Vectors& x, const std::vector<double>& given,
                                               bool turned);
   [[nodiscard]] double norm(bool turned);
+  /// Counts work that a factorization would have spared.
+  void count_spared(double work) {
+    cost_.changes += work;
+    spared_ += work;
+  }
 
   SolverOf<T>* solver_;
   Base<T> original_;
@@ -95,6 +100,7 @@ class System {
   bool folds_ = true;
   bool refused_ = false;  // a factorization of its own has failed
   ChangeCost cost_;
+  double spared_ = 0;  // of cost_.changes: what solves would have been without if the matrix had been factorized
 };
 
 }  // namespace espalier::changes

@@ -220,7 +220,7 @@ typename System<T>::Vectors System<T>::substitute(const Vectors& r, T* to, bool 
       const Entries before = take_from(r.inside, x.around, true, true);
       base().substitute(r.inside, to, columns, true);
       base().scatter(before.places, before.values, r.inside, 0);
-      cost_.changes += sweep_work(base(), columns);
+      count_spared(sweep_work(base(), columns));
     }
   }
   for (std::size_t k = 0; k < border_.active().size(); ++k)
@@ -267,7 +267,7 @@ void System<T>::solve_block(const T* given, T* to, Index columns, bool turned, b
   Vectors x = substitute(b, base().vectors(kFoundSlot, columns), turned);
   result.solve_seconds += base::now_seconds() - start;
   Vectors r = residual(b, x, base().vectors(kRestSlot, columns), turned);
-  cost_.changes += product_work(base(), border_.active().size(), columns);
+  count_spared(product_work(base(), border_.active().size(), columns));
   std::vector<double> errors = errors_of(r, x, size_of_b, turned);
   std::vector<char> open(at(columns), 1);
   int steps = 0;
@@ -284,7 +284,7 @@ void System<T>::solve_block(const T* given, T* to, Index columns, bool turned, b
     for (Index c = 0; c < columns; ++c) base().add(x.inside + c * m, better.inside + c * m);
     better.around += x.around;
     const Vectors left = residual(b, better, base().vectors(kLeftSlot, columns), turned);
-    cost_.changes += product_work(base(), border_.active().size(), columns);
+    count_spared(product_work(base(), border_.active().size(), columns));
     const std::vector<double> now = errors_of(left, better, size_of_b, turned);
     bool gained = false;
     for (Index c = 0; c < columns; ++c) {

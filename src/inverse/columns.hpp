@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "solver/session/session.hpp"
 
 namespace espalier::inverse {
@@ -36,7 +36,7 @@ class Columns {
   [[nodiscard]] double error(std::size_t column) const { return error_[column]; }
 
  private:
-  using Vectors = analysis::LazyVector<Value>;
+  using Vectors = base::LazyVector<Value>;
   static constexpr double kUnknown = std::numeric_limits<double>::infinity();
   static constexpr std::int64_t kGrain = 1 << 14;  // rows that a thread takes at a time
 

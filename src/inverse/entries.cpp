@@ -88,7 +88,7 @@ class Inverse {
       } else {  // both together: what they have in common is made once
         const std::size_t others = more.size();
         const Entries all = joined(more, wanted_);
-        analysis::LazyVector<Value> values(all.size());
+        base::LazyVector<Value> values(all.size());
         by_factor(all, values, others);
         over_entries(wanted_.size(), [&](std::size_t e) { x_[e] = values[others + e]; });
         sample = definite ? choose_by_diagonal(a, all, values) : choose_sample(a, values);
@@ -204,8 +204,8 @@ class Inverse {
     const bool symmetric = p.a.storage != Storage::general, hermitian = p.numbers == base::Numbers::hermitian;
     // Parts of the columns have sums of their own, as many as there is little memory for, whatever the threads.
     const std::size_t parts = std::clamp<std::size_t>((std::size_t{1} << 22) / n, 1, 16);
-    analysis::LazyVector<Value> sum(n * parts);
-    analysis::LazyVector<double> magnitude(n * parts);
+    base::LazyVector<Value> sum(n * parts);
+    base::LazyVector<double> magnitude(n * parts);
     s_.pool.for_each_range(static_cast<std::int64_t>(parts), 1, [&](std::int64_t part, std::int64_t) {
       Value* s = sum.data() + static_cast<std::size_t>(part) * n;
       double* m = magnitude.data() + static_cast<std::size_t>(part) * n;
@@ -321,9 +321,9 @@ class Inverse {
   std::span<Value> x_;
   InverseResult& result_;
   Index n_;
-  std::vector<Index> columns_;        // with entries that are asked for, ascending
-  analysis::LazyVector<char> known_;  // of the last call of by_factor()
-  std::size_t first_ = 0;             // likewise
+  std::vector<Index> columns_;    // with entries that are asked for, ascending
+  base::LazyVector<char> known_;  // of the last call of by_factor()
+  std::size_t first_ = 0;         // likewise
 };
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include <span>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "espalier/inverse.hpp"
 #include "solver/session/session.hpp"
 
@@ -12,7 +12,7 @@ namespace espalier::inverse {
 
 /// Entries (unknown, row) of A^-1: x[unknown] of A x = e_row.
 struct Entries {
-  analysis::LazyVector<Index> unknown, row;
+  base::LazyVector<Index> unknown, row;
   Entries() = default;
   /// To be set.
   explicit Entries(std::size_t count) : unknown(count), row(count) {}

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "plan/changed_entries.hpp"
 #include "plan/kept_entries.hpp"
 #include "plan/rank_parts.hpp"
@@ -24,7 +24,7 @@ struct Permuted {
   const std::vector<Index>& order;       // column by position
   const std::vector<Index>& row_of_col;  // empty: identity
   bool unsymmetric;
-  analysis::LazyVector<Index> column_position, matched_position;
+  base::LazyVector<Index> column_position, matched_position;
   std::span<const Index> row_position;  // of either
 
   // Calls use(source, row position, transposed) for the entries that belong to position k. An entry is found in its
@@ -211,8 +211,8 @@ Permuted permute(const Plan& plan, const EntrySource& from, base::ThreadPool& po
              plan.tree.order,
              row_of_col,
              plan.options.unsymmetric,
-             analysis::LazyVector<Index>(n),
-             analysis::LazyVector<Index>(row_of_col.empty() ? 0 : n),
+             base::LazyVector<Index>(n),
+             base::LazyVector<Index>(row_of_col.empty() ? 0 : n),
              {}};
   pool.for_each_range(plan.tree.n, kPositions, [&](std::int64_t b, std::int64_t e) {
     for (auto k = static_cast<Index>(b); k < e; ++k) p.column_position[plan.tree.order[k]] = k;

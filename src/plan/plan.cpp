@@ -50,10 +50,14 @@ void relate_rows(Plan& plan, base::ThreadPool& pool) {
   pool.for_each_range(plan.fronts(), kChildrenRange, [&](std::int64_t b, std::int64_t e) {
     for (auto f = static_cast<Index>(b); f < e; ++f) {
       const Index p = t.parent[f];
-      if (p < 0 || (part && !knows(plan, f, plan.options.rank))) continue;
+      if (part && !knows(plan, f, plan.options.rank)) continue;
+      Index* place = plan.relative.data() + plan.row_at(f);
+      if (p < 0) {  // rows of the border
+        std::fill_n(place, t.rows_below(f), 0);
+        continue;
+      }
       const Index pivots = t.pivots(p);
       Offset at = t.row_ptr[p];
-      Index* place = plan.relative.data() + plan.row_at(f);
       for (Offset r = t.row_ptr[f]; r < t.row_ptr[f + 1]; ++r, ++place) {
         const Index row = t.rows[r];
         if (row < t.first[p + 1]) {

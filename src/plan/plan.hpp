@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "matrix/row_index.hpp"
@@ -28,7 +28,7 @@ struct Task {
   Index j = 0;
   [[nodiscard]] bool is_range() const { return begin >= 0; }
 };
-using TaskList = analysis::LazyVector<Task>;
+using TaskList = base::LazyVector<Task>;
 
 /// An entry of the caller's matrix on its way into a tile: values[source] is added at (row, column) of the tile. For
 /// lu, an entry of U stands transposed, in the tile of U^T (`transposed`), except in diagonal tiles, which are full
@@ -145,15 +145,15 @@ struct MemoryPlan {
 struct Plan {
   analysis::AssemblyTree tree;  ///< several ranks: tree.rows are found by row_begin, not by tree.row_ptr
   PlanOptions options;
-  std::vector<FrontLayout> layout;           ///< fronts
-  std::vector<char> whole;                   ///< fronts; 1: taken whole, by a range task
-  std::vector<Offset> child_ptr;             ///< fronts + 1
-  std::vector<Index> children;               ///< in the order in which their contributions are added
-  std::vector<Index> relative;               ///< like tree.rows: the row's place (0-based row) in the parent's front
-  std::vector<Offset> row_begin;             ///< fronts + 1; into tree.rows and `relative`. Empty: tree.row_ptr
-  std::vector<Offset> first_tile;            ///< fronts + 1; number of the front's first tile among all tiles
-  analysis::LazyVector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
-  analysis::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
+  std::vector<FrontLayout> layout;       ///< fronts
+  std::vector<char> whole;               ///< fronts; 1: taken whole, by a range task
+  std::vector<Offset> child_ptr;         ///< fronts + 1
+  std::vector<Index> children;           ///< in the order in which their contributions are added
+  base::LazyVector<Index> relative;      ///< like tree.rows: the row's place (0-based row) in the parent's front
+  std::vector<Offset> row_begin;         ///< fronts + 1; into tree.rows and `relative`. Empty: tree.row_ptr
+  std::vector<Offset> first_tile;        ///< fronts + 1; number of the front's first tile among all tiles
+  base::LazyVector<Offset> entry_ptr;    ///< tiles + 1 (whole fronts: all entries at their first tile)
+  base::LazyVector<EntryPlace> entries;  ///< sorted by tile, then column, then row
   /// Several ranks: the places in the caller's array of the values that this rank assembles, ascending; EntryPlace's
   /// source is a place in this list. Every value is in the list of one rank. Empty: it is one in the caller's array.
   std::vector<Offset> sources;

@@ -174,7 +174,7 @@ void number_known(Plan& plan) {
 }
 
 void drop_unknown_rows(Plan& plan) {
-  std::vector<Index> kept(static_cast<std::size_t>(plan.row_begin.back()));
+  base::LazyVector<Index> kept(static_cast<std::size_t>(plan.row_begin.back()));
   for (Index f = 0; f < plan.fronts(); ++f) {
     const Offset count = plan.row_begin[f + 1] - plan.row_begin[f];
     std::copy_n(plan.tree.rows.begin() + plan.tree.row_ptr[f], count, kept.begin() + plan.row_begin[f]);

@@ -15,6 +15,12 @@
 
 namespace espalier::ranks {
 
+/// What holds values one after another and is given a size: vectors, texts.
+template <class L>
+concept List = requires(L& l) {
+  l.resize(std::size_t{});
+};
+
 /// Puts values one after another.
 class Packer {
  public:
@@ -23,14 +29,10 @@ class Packer {
     static_assert(std::is_trivially_copyable_v<T>);
     add(&value, sizeof value);
   }
-  template <class T>
-  void pack(const std::vector<T>& list) {
+  template <List L>
+  void pack(const L& list) {
     pack(static_cast<std::uint64_t>(list.size()));
-    add(list.data(), list.size() * sizeof(T));
-  }
-  void pack(const std::string& text) {
-    pack(static_cast<std::uint64_t>(text.size()));
-    add(text.data(), text.size());
+    add(list.data(), list.size() * sizeof(typename L::value_type));
   }
   [[nodiscard]] std::span<const std::byte> bytes() const { return bytes_; }
 
@@ -52,14 +54,11 @@ class Unpacker {
     static_assert(std::is_trivially_copyable_v<T>);
     take(&value, 1, sizeof value);
   }
-  template <class T>
-  void get(std::vector<T>& list) {
-    list.resize(size_of(sizeof(T)));
-    take(list.data(), list.size(), sizeof(T));
-  }
-  void get(std::string& text) {
-    text.resize(size_of(1));
-    take(text.data(), text.size(), 1);
+  template <List L>
+  void get(L& list) {
+    constexpr std::size_t kEach = sizeof(typename L::value_type);
+    list.resize(size_of(kEach));
+    take(list.data(), list.size(), kEach);
   }
 
  private:

@@ -24,7 +24,7 @@ inline Graph graph_of_edges(Index n, const Edges& edges) {
   for (auto& list : lists) {
     std::sort(list.begin(), list.end());
     list.erase(std::unique(list.begin(), list.end()), list.end());
-    g.adj.insert(g.adj.end(), list.begin(), list.end());
+    g.adj.append(list.begin(), list.end());
     g.ptr.push_back(static_cast<Offset>(g.adj.size()));
   }
   return g;

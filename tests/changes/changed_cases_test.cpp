@@ -169,9 +169,10 @@ TEST(ChangedCases, FactorizesWhereThatIsCheaper) {
   EXPECT_EQ(by_columns.cost.columns, 393);
   EXPECT_GT(by_columns.cost.changes, by_columns.cost.factorization);
   std::vector<double> y(x.size());
+  changed.reset();
   changed.set_folding(true);
-  ASSERT_TRUE(changed.flip(std::vector<Index>{500}).ok());
-  ASSERT_TRUE(changed.flip(std::vector<Index>{500}).ok());
+  ASSERT_TRUE(changed.remove(few).ok());
+  ASSERT_TRUE(changed.remove(many).ok());
   const ChangedSolveResult folded = changed.solve(b, y);
   ASSERT_TRUE(folded.status.ok()) << folded.status.message;
   EXPECT_EQ(folded.cost.factorizations, 1);
@@ -179,6 +180,31 @@ TEST(ChangedCases, FactorizesWhereThatIsCheaper) {
   EXPECT_EQ(changed.changes(), 0);
   for (std::size_t k = 0; k < x.size(); ++k) EXPECT_NEAR(x[k], y[k], 1e-10 * (1 + std::abs(x[k])));
   EXPECT_EQ(solver.values(), a.values) << "the solver's own factor stays";
+}
+
+// New columns one at a time: a factorization would not spare those of changes to come. Solves with many columns it
+// would.
+TEST(ChangedCases, ColumnsThatWereMadeAreNoReasonToFactorize) {
+  const SparseMatrix a = reference::random_system(1200, 12, reference::Values::positive, 3);
+  Solver solver = factorized(a, Kind::llt);
+  ChangedSystem changed(solver);
+  const std::vector<double> b = reference::random_vector(a.cols, 1);
+  std::vector<double> x(b.size());
+  double most = 0;
+  Index flips = 0;
+  for (Index v = 0; v < 40; ++v, ++flips) {
+    ASSERT_TRUE(changed.flip(std::vector<Index>{v}).ok());
+    const ChangedSolveResult s = changed.solve(b, x);
+    ASSERT_TRUE(s.status.ok()) << s.status.message;
+    ASSERT_EQ(s.cost.factorizations, 0) << "after " << v;
+    most = s.cost.changes / s.cost.factorization;
+  }
+  EXPECT_GT(most, 1) << "or the test shows nothing";
+  for (; changed.cost().factorizations == 0 && flips < 20000; ++flips) {  // one goes and comes: no new columns
+    ASSERT_TRUE(changed.flip(std::vector<Index>{0}).ok());
+    ASSERT_TRUE(changed.solve(b, x).status.ok());
+  }
+  EXPECT_EQ(changed.cost().factorizations, 1) << "solves with 40 columns add up";
 }
 
 TEST(ChangedCases, SingularChangesLeaveEverythingUsable) {

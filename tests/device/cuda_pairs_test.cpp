@@ -77,7 +77,7 @@ TEST(CudaPairs, APlanKeepsThoseOfItsTree) {
     two.n = 2 * one.n;
     two.parent = one.parent;
     for (const Index c : one.order) two.order.insert(two.order.end(), {2 * c, 2 * c + 1});
-    for (const Index r : one.rows) two.rows.insert(two.rows.end(), {2 * r, 2 * r + 1});
+    for (const Index r : one.rows) two.rows.append({2 * r, 2 * r + 1});
     for (const Index f : one.first) two.first.push_back(2 * f);
     for (const Offset r : one.row_ptr) two.row_ptr.push_back(2 * r);
     device::cuda::DeviceTuning tuning;

@@ -80,7 +80,7 @@ class RowSums {
     return h;
   }
 
-  LazyVector<Index> adj_, edge_;
+  base::LazyVector<Index> adj_, edge_;
   bool by_vertex_;
   std::vector<Offset> places_;
   int shift_ = 63;

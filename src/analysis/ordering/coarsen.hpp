@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/mix.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
@@ -27,11 +27,11 @@ class Random {
 
 /// A graph with vertex and edge weights; adjacency lists without the vertex itself, not sorted.
 struct PartGraph {
-  std::vector<Offset> ptr;    ///< n + 1
-  LazyVector<Index> adj;      ///< ptr[n]
-  LazyVector<Index> edge;     ///< ptr[n]; number of edges of the finest graph that this edge stands for
-  std::vector<Index> weight;  ///< n; number of unknowns in each vertex
-  Offset total = 0;           ///< sum of weight
+  std::vector<Offset> ptr;       ///< n + 1
+  base::LazyVector<Index> adj;   ///< ptr[n]
+  base::LazyVector<Index> edge;  ///< ptr[n]; number of edges of the finest graph that this edge stands for
+  std::vector<Index> weight;     ///< n; number of unknowns in each vertex
+  Offset total = 0;              ///< sum of weight
 
   [[nodiscard]] Index n() const { return static_cast<Index>(weight.size()); }
 };

@@ -62,7 +62,7 @@ bool symmetric_pattern(const Columns& c, Index n, base::ThreadPool& pool) {
 /// A copy with row i renamed to name[i] (or i where `name` is empty), sorted, duplicates removed.
 Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, base::ThreadPool& pool) {
   Columns out;
-  LazyVector<Index> all(c.ind.size());
+  base::LazyVector<Index> all(c.ind.size());
   out.own_ptr.assign(static_cast<std::size_t>(n) + 1, 0);
   pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {

@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
 #include "matrix/row_index.hpp"
@@ -15,8 +15,8 @@ namespace espalier::analysis {
 /// A symmetric pattern without its diagonal, both triangles, rows sorted within a column, no duplicates. 0-based.
 struct Graph {
   Index n = 0;
-  std::vector<Offset> ptr;  ///< n + 1
-  LazyVector<Index> adj;    ///< ptr[n]
+  std::vector<Offset> ptr;      ///< n + 1
+  base::LazyVector<Index> adj;  ///< ptr[n]
 
   [[nodiscard]] std::span<const Index> neighbours(Index v) const {
     const auto k = static_cast<std::size_t>(v);

@@ -86,7 +86,7 @@ class RoundMatcher {
   const std::uint64_t seed_;
   base::Recursion& workers_;
   std::vector<Index> mate_;
-  LazyVector<std::uint64_t> first_;  // the lowest rank that wants the vertex
+  base::LazyVector<std::uint64_t> first_;  // the lowest rank that wants the vertex
 };
 
 /// The vertices by degree, then by a few bits of their hash: neighbours stand apart, which is all that matters here.

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
-#include "base/untouched_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/device/device_vectors.hpp"
 
@@ -23,7 +23,7 @@ class ConstraintResponse {
  public:
   /// Solves K X = B in place for the given number of columns, each n + m.
   using Solve = std::function<void(Span, Index)>;
-  using Columns = base::UntouchedVector<double>;
+  using Columns = base::LazyVector<double>;
 
   /// The factor is another one. @param n, m  rows of K: motion, constraints
   /// @param dropped  m marks: constraints whose rows of K are empty; their r is zero

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "base/untouched_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "dynamics/dae/constraint_response.hpp"
 #include "dynamics/dae/linear_solver.hpp"
 #include "dynamics/dae/products.hpp"
@@ -136,11 +136,11 @@ class KktSolver {
   Analyzed analyzed_ = Analyzed::none;
   std::vector<char> dropped_;    // m
   std::vector<double> typical_;  // n, or none
-  base::UntouchedVector<double> w_values_;
+  base::LazyVector<double> w_values_;
   std::vector<double> phi_q_values_, f_lambda_values_;
   std::vector<Offset> k_ptr_;  // n + m + 1
-  base::UntouchedVector<Index> k_ind_;
-  base::UntouchedVector<double> k_values_;
+  base::LazyVector<Index> k_ind_;
+  base::LazyVector<double> k_values_;
   std::vector<double> scale_;               // n + m
   std::vector<double> diagonal_, largest_;  // n; |W_jj| and the largest |W_ij| of column j
   // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
@@ -151,7 +151,7 @@ class KktSolver {
   bool scale_on_device_ = false;               // the scales of the factor lie there, too
   std::vector<Offset> host_entries_;           // positions in W
   std::vector<Offset> rest_;                   // positions in K outside W, ascending
-  base::UntouchedVector<double> rest_values_;  // what stands there, on its way to the GPU
+  base::LazyVector<double> rest_values_;  // what stands there, on its way to the GPU
 };
 
 }  // namespace espalier::dynamics

@@ -87,7 +87,7 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   g_.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   if (k == 0) return active_ = true;
   if (y_0_.empty()) {
-    base::UntouchedVector<double> units(size * k);
+    base::LazyVector<double> units(size * k);
     fill_zero(pool, units);
     for (std::size_t c = 0; c < k; ++c) units[c * size + n + at(kept_[c])] = 1;
     solve(units, static_cast<Index>(k));  // may be interrupted
@@ -128,9 +128,9 @@ void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::Thread
   }
 }
 
-base::UntouchedVector<double> TurnedFactor::response(base::ThreadPool* pool) const {
+base::LazyVector<double> TurnedFactor::response(base::ThreadPool* pool) const {
   const std::size_t size = at(g_.rows()), k = kept_.size();
-  base::UntouchedVector<double> columns(y_0_.size());
+  base::LazyVector<double> columns(y_0_.size());
   copy(pool, y_0_, columns);
   if (k == 0) return columns;
   const Eigen::MatrixXd factors = core_.solve(core_matrix_.rightCols(static_cast<Eigen::Index>(k)));

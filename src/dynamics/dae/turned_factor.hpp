@@ -15,7 +15,7 @@
 #include <vector>
 
 #include "base/thread_pool.hpp"
-#include "base/untouched_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/dae/system.hpp"
 
@@ -29,7 +29,7 @@ class TurnedFactor {
   /// K_0 has been factorized. @param phi_q  outlives the use @param dropped  m marks: constraints whose rows are empty
   void start(const SparsePattern& phi_q, ConstSpan phi_q_values, const std::vector<char>& dropped);
   /// K_0^-1 [0; I] is known.
-  void know(base::UntouchedVector<double> response_of_k_0) { y_0_ = std::move(response_of_k_0); }
+  void know(base::LazyVector<double> response_of_k_0) { y_0_ = std::move(response_of_k_0); }
   /// Nothing is turned any more.
   void drop() { active_ = false; }
   [[nodiscard]] bool active() const { return active_; }
@@ -42,7 +42,7 @@ class TurnedFactor {
   /// x = K^-1 b in place for `columns` right-hand sides.
   void solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const;
   /// K^-1 [0; I], a column for each of the constraints.
-  [[nodiscard]] base::UntouchedVector<double> response(base::ThreadPool* pool) const;
+  [[nodiscard]] base::LazyVector<double> response(base::ThreadPool* pool) const;
 
  private:
   void rotate(Span x, bool back, base::ThreadPool* pool) const;
@@ -55,7 +55,7 @@ class TurnedFactor {
   std::vector<BodyTurn> turns_;  // by their first coordinates
   SparsePattern change_;         // D by rows, of the constraints kept; E is its transpose
   std::vector<double> change_values_;
-  base::UntouchedVector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
+  base::LazyVector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
   Eigen::MatrixXd g_;                  // n + m rows, first the columns of E, then y_0
   dense::Lu core_;
   Eigen::MatrixXd core_matrix_;  // V^T G

@@ -47,10 +47,10 @@ class Writer {
   void value(const T& v) {
     bytes(&v, sizeof v);
   }
-  template <class T>
-  void array(const std::vector<T>& v) {
+  template <class List>
+  void array(const List& v) {
     value(static_cast<std::uint64_t>(v.size()));
-    bytes(v.data(), v.size() * sizeof(T));
+    bytes(v.data(), v.size() * sizeof(typename List::value_type));
   }
   void finish() {
     const std::uint64_t h = hash_.value();
@@ -91,8 +91,9 @@ class Reader {
     bytes(&v, sizeof v);
     return v;
   }
-  template <class T>
-  void array(std::vector<T>& v) {
+  template <class List>
+  void array(List& v) {
+    using T = typename List::value_type;
     const auto size = value<std::uint64_t>();
     if (size > left_ / sizeof(T)) fail("the file ends too early");
     v.resize(static_cast<std::size_t>(size));

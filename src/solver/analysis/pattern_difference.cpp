@@ -5,8 +5,8 @@
 #include <numeric>
 #include <utility>
 
-#include "analysis/lazy_vector.hpp"
 #include "base/at.hpp"
+#include "base/lazy_vector.hpp"
 
 namespace espalier::solver {
 
@@ -141,7 +141,7 @@ class ColumnMoves {
 
  private:
   const plan::SourceMap& now_;
-  analysis::LazyVector<Offset> move_;
+  base::LazyVector<Offset> move_;
 };
 
 }  // namespace

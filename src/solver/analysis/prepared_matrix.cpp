@@ -25,7 +25,7 @@ constexpr std::int64_t kEntries = 1 << 18;  // per range of work: 2 MiB of value
 
 // All threads take part in the page faults of the copy.
 template <class T>
-void copy_array(std::span<const T> from, analysis::LazyVector<T>& to, base::ThreadPool& pool) {
+void copy_array(std::span<const T> from, base::LazyVector<T>& to, base::ThreadPool& pool) {
   to.resize(from.size());
   pool.for_each_range(static_cast<std::int64_t>(from.size()), kEntries, [&](std::int64_t begin, std::int64_t end) {
     std::copy(from.begin() + begin, from.begin() + end, to.begin() + begin);

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "analysis/assembly_tree.hpp"
-#include "analysis/lazy_vector.hpp"
 #include "base/at.hpp"
+#include "base/lazy_vector.hpp"
 #include "base/scalar.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/solver.hpp"
@@ -25,9 +25,9 @@ namespace espalier::solver {
 struct StoredMatrix {
   Index rows = 0;
   Index cols = 0;
-  analysis::LazyVector<Offset> col_ptr;
-  analysis::LazyVector<Index> row_ind;
-  analysis::LazyVector<double> values;  ///< or parts of values: see base::Numbers
+  base::LazyVector<Offset> col_ptr;
+  base::LazyVector<Index> row_ind;
+  base::LazyVector<double> values;  ///< or parts of values: see base::Numbers
   Storage storage = Storage::general;
 
   [[nodiscard]] Offset nonzeros() const { return col_ptr.empty() ? 0 : col_ptr.back(); }
@@ -37,7 +37,7 @@ struct StoredMatrix {
 };
 
 /// Values of the entries of PreparedMatrix::a, in their order; of complex ones the parts (base::Numbers).
-using Values = analysis::LazyVector<double>;
+using Values = base::LazyVector<double>;
 
 /// A caller's matrix. Of complex values the view holds the parts, twice as many as its pattern asks for, and Hermitian
 /// storage is called symmetric; whether the values are Hermitian is known where the storage says so.

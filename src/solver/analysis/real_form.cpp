@@ -97,7 +97,7 @@ analysis::AssemblyTree doubled(const analysis::AssemblyTree& tree) {
   two.order.reserve(2 * tree.order.size());
   two.rows.reserve(2 * tree.rows.size());
   for (const Index c : tree.order) two.order.insert(two.order.end(), {2 * c, 2 * c + 1});
-  for (const Index r : tree.rows) two.rows.insert(two.rows.end(), {2 * r, 2 * r + 1});
+  for (const Index r : tree.rows) two.rows.append({2 * r, 2 * r + 1});
   for (const Index f : tree.first) two.first.push_back(2 * f);
   for (const Offset p : tree.row_ptr) two.row_ptr.push_back(2 * p);
   return two;

@@ -12,7 +12,7 @@
 #include <optional>
 #include <span>
 
-#include "analysis/lazy_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "solve/residual.hpp"
 #include "solver/analysis/analysis.hpp"
 #include "solver/deficiency/deficiency.hpp"
@@ -34,7 +34,7 @@ struct RankValues {
 /// The last values that went into a factor, and the residuals that they make.
 class FactorValues {
  public:
-  using Places = analysis::LazyVector<Offset>;
+  using Places = base::LazyVector<Offset>;
 
   FactorValues(const System& system, Values values, const Context& context);
 

@@ -30,18 +30,18 @@ class FactorWriter {
   void end_part();
   void commit() { out_.commit(); }
 
-  template <class T>
-  void list(const std::vector<T>& v) {
+  template <class List>
+  void list(const List& v) {
     value(static_cast<std::uint64_t>(v.size()));
-    bytes(std::as_bytes(std::span<const T>(v)));
+    bytes(std::as_bytes(std::span(v)));
   }
   template <class T>
   void value(const T& v) {
     bytes(std::as_bytes(std::span<const T>(&v, 1)));
   }
-  template <class T>
-  static std::uint64_t list_bytes(const std::vector<T>& v) {
-    return sizeof(std::uint64_t) + v.size() * sizeof(T);
+  template <class List>
+  static std::uint64_t list_bytes(const List& v) {
+    return sizeof(std::uint64_t) + v.size() * sizeof(typename List::value_type);
   }
 
  private:
@@ -64,12 +64,12 @@ class FactorReader {
   [[nodiscard]] std::uint64_t left() const { return left_; }
   [[noreturn]] void fail(const std::string& why) const;
 
-  template <class T>
-  void list(std::vector<T>& v) {
+  template <class List>
+  void list(List& v) {
     const auto size = value<std::uint64_t>();
-    if (size > left_ / sizeof(T)) fail("a list is longer than its part of the file");
+    if (size > left_ / sizeof(typename List::value_type)) fail("a list is longer than its part of the file");
     v.resize(static_cast<std::size_t>(size));
-    bytes(std::as_writable_bytes(std::span<T>(v)));
+    bytes(std::as_writable_bytes(std::span(v)));
   }
   template <class T>
   T value() {

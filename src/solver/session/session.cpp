@@ -131,7 +131,8 @@ void Session::analyze(const GivenMatrix& a, std::shared_ptr<const Border> border
 // one, where no budget counts them.
 ChangeResult Session::analyze_change(const GivenMatrix& a) {
   ChangeResult result;
-  spare.set_limit(budget.limit() > 0 ? 0 : static_cast<std::size_t>(current().bytes()));
+  const Offset bytes = current().bytes();  // and what kept_size() adds
+  spare.set_limit(budget.limit() > 0 ? 0 : static_cast<std::size_t>(bytes + bytes / 8));
   std::optional<base::SpareMemory::Use> use(&spare);
   FollowedAnalysis followed = follow_pattern(current(), a, context, fresh_.get(), factor->has_numbers());
   use.reset();

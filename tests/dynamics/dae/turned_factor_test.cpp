@@ -185,7 +185,7 @@ TEST(TurnedFactor, AnInterruptedSolveLeavesNothingBehind) {
   const Eigen::VectorXd x = truth * b;
   factor.solve({b.data(), static_cast<std::size_t>(b.size())}, 1, solve, nullptr);
   EXPECT_LT((b - x).norm(), 1e-12 * x.norm());
-  const base::UntouchedVector<double> columns = factor.response(nullptr);
+  const base::LazyVector<double> columns = factor.response(nullptr);
   const Eigen::Map<const Eigen::MatrixXd> response(columns.data(), kMotions + kRows, kRows);
   EXPECT_LT((response - truth.rightCols(kRows)).norm(), 1e-12 * truth.norm());
 }

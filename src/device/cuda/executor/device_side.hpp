@@ -179,8 +179,8 @@ class DeviceSide {
   [[nodiscard]] const TaskLists& lists() const { return context_.tables.lists[static_cast<std::size_t>(self_)]; }
 
  private:
-  template <class U, class V, class A>
-  void send(DeviceArray<U>& to, const std::vector<V, A>& from);
+  template <class U, class List>
+  void send(DeviceArray<U>& to, const List& from);
   void send_places(const std::vector<T*>& places);
   /// Calls use(array, list of the host) for the tables that all sides have; array: pointer to member.
   template <class Use>

@@ -4,9 +4,9 @@
 namespace espalier::device::cuda {
 
 template <class T>
-template <class U, class V, class A>
-void DeviceSide<T>::send(DeviceArray<U>& to, const std::vector<V, A>& from) {
-  static_assert(sizeof(U) == sizeof(V));
+template <class U, class List>
+void DeviceSide<T>::send(DeviceArray<U>& to, const List& from) {
+  static_assert(sizeof(U) == sizeof(typename List::value_type));
   uploads_.copy(to.data(), from.data(), to.bytes(), stream_.get());
 }
 

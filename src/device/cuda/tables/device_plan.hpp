@@ -39,7 +39,7 @@ plan::PlanOptions cuda_plan_options(Kind kind, const DeviceTuning& tuning = {}, 
 /// are run by a kernel with more blocks on each multiprocessor. With several devices, the lists are parts of one list
 /// in topological order, so that the lowest unfinished task can always proceed.
 struct TaskLists {
-  analysis::LazyVector<FactorTask> tasks;
+  base::LazyVector<FactorTask> tasks;
   std::int64_t narrow_tasks = 0;
   std::vector<SolveTask> up;        ///< forward substitution
   std::vector<SolveTask> down;      ///< backward substitution

@@ -6,7 +6,7 @@
 #include <map>
 #include <optional>
 
-#include "base/untouched_vector.hpp"
+#include "base/lazy_vector.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/dae/row_ranges.hpp"
 
@@ -312,7 +312,7 @@ FreeMotions free_motions(Mechanism& mechanism, const std::vector<char>& dropped,
   const auto n = static_cast<Index>(state.v.size());
   HeldRows held(bodies, n, n + mechanism.system.sizes().constraints);
   const SparsePattern& w = mechanism.system.tangent_pattern();
-  base::UntouchedVector<double> values(static_cast<std::size_t>(w.nonzeros()));
+  base::LazyVector<double> values(static_cast<std::size_t>(w.nonzeros()));
   mechanism.system.tangent(state.view(), {0, 0, 1}, values);
   for_each_row_range(w, &mechanism.pool, [&](Index column, Offset begin, Offset end) {
     for (Offset k = begin; k < end; ++k)
