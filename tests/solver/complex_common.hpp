@@ -145,4 +145,17 @@ class InForms : public testing::TestWithParam<Form> {
   std::optional<AsRealForm> form_;
 };
 
+/// Truth: the products of the matrix with its null vectors.
+inline void expect_null_space(const ComplexFactorResult& r, const Dense& a, Sort sort, Index zeros) {
+  ASSERT_EQ(r.null_vectors.size(), static_cast<std::size_t>(a.rows() * zeros));
+  const Dense null = Eigen::Map<const Dense>(r.null_vectors.data(), a.rows(), zeros);
+  EXPECT_LE((a * null).norm(), 1e-12 * a.norm());
+  EXPECT_EQ(Eigen::FullPivLU<Dense>(null).setThreshold(1e-6).rank(), zeros);
+  if (sort != Sort::symmetric) {
+    ASSERT_EQ(r.left_null_vectors.size(), r.null_vectors.size());
+    const Dense left = Eigen::Map<const Dense>(r.left_null_vectors.data(), a.rows(), zeros);
+    EXPECT_LE((a.transpose() * left).norm(), 1e-12 * a.norm());
+  }
+}
+
 }  // namespace espalier::test

@@ -21,26 +21,17 @@ struct Case {
   Options options;
 };
 
-Options options_of(const char* device, int threads, Offset device_memory = 0) {
-  Options o;
-  o.device = device;
-  o.threads = threads;
-  o.device_memory_bytes = device_memory;
-  o.interrupted_every = 0;
-  return o;
-}
-
 // Positive and indefinite, with pivots that move, one that llt gives up, unsymmetric, several devices, out of core.
 std::vector<Case> cases() {
   const SparseMatrix grid = test::generated({"elasticity", "4"});
   SparseMatrix indefinite = reference::random_system(200, 4, Values::indefinite, 7);
-  return {{"llt", grid, options_of("cpu", 2)},
-          {"llt, one thread", grid, options_of("cpu", 1)},
-          {"ldlt", reference::saddle_point(300, 80, 5), options_of("cpu", 3)},
-          {"indefinite", std::move(indefinite), options_of("cpu", 2)},
-          {"lu", reference::random_system(300, 4, Values::general, 3), options_of("cpu", 2)},
-          {"two host devices", grid, options_of("host:2", 2)},
-          {"out of core", test::generated({"elasticity", "6"}), options_of("host:1", 2, 800'000)}};
+  return {{"llt", grid, test::options_on("cpu", 2)},
+          {"llt, one thread", grid, test::options_on("cpu", 1)},
+          {"ldlt", reference::saddle_point(300, 80, 5), test::options_on("cpu", 3)},
+          {"indefinite", std::move(indefinite), test::options_on("cpu", 2)},
+          {"lu", reference::random_system(300, 4, Values::general, 3), test::options_on("cpu", 2)},
+          {"two host devices", grid, test::options_on("host:2", 2)},
+          {"out of core", test::generated({"elasticity", "6"}), test::options_on("host:1", 2, 800'000)}};
 }
 
 // Asked `stop_at` times (from 1) the caller says stop; 0: never.
@@ -122,7 +113,7 @@ TEST(Interrupt, AtEveryBorderOfWorkTheSolverStaysUsable) {
 TEST(Interrupt, AClonesCallsAreItsOwn) {
   const SparseMatrix a = test::generated({"elasticity", "6"});
   const auto caller = std::this_thread::get_id();
-  Options o = options_of("cpu", 2);
+  Options o = test::options_on("cpu", 2);
   bool stop = false;
   o.interrupted = [&stop, caller] { return std::this_thread::get_id() == caller && stop; };
   Solver original(o);
@@ -183,7 +174,7 @@ TEST(Interrupt, ValuesComeBackInTheCallersOrder) {
 SparseMatrix block_that_takes(std::chrono::milliseconds time) {
   for (int size = 6;; size += 2) {
     SparseMatrix a = test::generated({"elasticity", std::to_string(size)});
-    Solver s(options_of("cpu", 1));
+    Solver s(test::options_on("cpu", 1));
     EXPECT_TRUE(s.analyze(a).status.ok());
     auto shortest = std::chrono::steady_clock::duration::max();  // others may have had the processor meanwhile
     for (int k = 0; k < 3; ++k) {

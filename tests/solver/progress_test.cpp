@@ -28,15 +28,6 @@ struct Told {
   }
 };
 
-Options options_with(const char* device, int threads, Offset device_memory = 0) {
-  Options o;
-  o.device = device;
-  o.threads = threads;
-  o.device_memory_bytes = device_memory;
-  o.interrupted_every = 0;
-  return o;
-}
-
 std::vector<double> solved_with(const SparseMatrix& a, const Options& options, const std::vector<double>& b,
                                 Index columns, double* flops = nullptr) {
   Solver s(options);
@@ -56,11 +47,12 @@ TEST(Progress, OfAllThatIsDoneAndWithoutABitChanged) {
     SparseMatrix a;
     Options options;
   };
-  const std::vector<Case> cases = {{"llt", grid, options_with("cpu", 1)},
-                                   {"ldlt", reference::saddle_point(300, 80, 5), options_with("cpu", 1)},
-                                   {"lu", reference::random_system(900, 4, Values::general, 3), options_with("cpu", 1)},
-                                   {"two host devices", grid, options_with("host:2", 2)},
-                                   {"out of core", grid, options_with("host:1", 2, 800'000)}};
+  const std::vector<Case> cases = {
+      {"llt", grid, test::options_on("cpu", 1)},
+      {"ldlt", reference::saddle_point(300, 80, 5), test::options_on("cpu", 1)},
+      {"lu", reference::random_system(900, 4, Values::general, 3), test::options_on("cpu", 1)},
+      {"two host devices", grid, test::options_on("host:2", 2)},
+      {"out of core", grid, test::options_on("host:1", 2, 800'000)}};
   constexpr Index kColumns = 70;  // more than go together
   for (const Case& c : cases) {
     SCOPED_TRACE(c.name);

@@ -61,4 +61,21 @@ double expect_bits_of_whole(SolverType& s, const RowsCase<Value>& given, Index n
   return r.share;
 }
 
+/// Of one load, the unknown where it acts, and what is told of the factor. Truth: the whole solution. @return it
+inline double expect_one_row(Solver& s, Index n) {
+  const std::vector<Offset> one = {0, 1};
+  const std::vector<Index> row = {4}, wanted = {4};
+  const std::vector<double> load = {2};
+  std::vector<double> x(1), b(static_cast<std::size_t>(n)), whole(b.size());
+  const SolveRowsResult r = solve_rows(s, {one, row, load}, wanted, x);
+  EXPECT_TRUE(r.status.ok()) << r.status.message;
+  EXPECT_LT(r.share, 1);
+  EXPECT_GT(r.backward_error, 0);
+  EXPECT_LT(r.componentwise_error, 1e-10);
+  b[4] = 2;
+  EXPECT_TRUE(s.solve(b, whole).status.ok());
+  EXPECT_NEAR(x[0], whole[4], 1e-12 * std::abs(whole[4]));
+  return x[0];
+}
+
 }  // namespace espalier::test

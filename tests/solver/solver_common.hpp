@@ -22,6 +22,16 @@ inline Options two_threads() {
   return o;
 }
 
+/// Asked at every border of work whether to go on.
+inline Options options_on(const char* device, int threads, Offset device_memory = 0) {
+  Options o;
+  o.device = device;
+  o.threads = threads;
+  o.device_memory_bytes = device_memory;
+  o.interrupted_every = 0;
+  return o;
+}
+
 /// Analyzes, factorizes and solves with random right-hand sides; the independent backward error must be at most
 /// 8 eps (refinement ends at the rounding of x; the factor covers the rounding of b and x themselves).
 inline void expect_solved(Solver& s, const MatrixView& a, Index columns = 1, Transpose transpose = Transpose::no) {

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "solver/c/c_handle.hpp"
+#include "solver/c/c_matrices.hpp"
 #include "solver/complex_common.hpp"
 
 namespace c_complex_test {
@@ -19,52 +20,8 @@ using espalier::test::analyze;
 using espalier::test::factorize;
 using espalier::test::Handle;
 using espalier::test::make;
-
-Dense matrix(int n, int storage) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> u(-1, 1);
-  Dense a = Dense::Zero(n, n);
-  for (int j = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i)
-      if (i == j || (i + 2 * j) % 5 == 0) {
-        const double real = u(random);
-        a(i, j) = Value(real, u(random));
-      }
-  if (storage >= ESPALIER_HERMITIAN_LOWER) return a + a.adjoint();
-  return storage == ESPALIER_GENERAL ? a : Dense(a + a.transpose());
-}
-
-struct Arrays {
-  std::vector<std::int32_t> pointers, indices;
-  std::vector<Value> values;
-  espalier_matrix_i32 c{};
-
-  Arrays(const Dense& a, int layout, int storage, int base) {
-    const auto n = static_cast<int>(a.rows());
-    pointers.push_back(base);
-    for (int outer = 0; outer < n; ++outer) {
-      for (int inner = 0; inner < n; ++inner) {
-        const int row = layout == ESPALIER_CSR ? outer : inner, col = layout == ESPALIER_CSR ? inner : outer;
-        const bool lower = storage == ESPALIER_SYMMETRIC_LOWER || storage == ESPALIER_HERMITIAN_LOWER;
-        const bool upper = storage == ESPALIER_SYMMETRIC_UPPER || storage == ESPALIER_HERMITIAN_UPPER;
-        if (a(row, col) == Value(0) || (lower && row < col) || (upper && row > col)) continue;
-        indices.push_back(inner + base);
-        values.push_back(a(row, col));
-      }
-      pointers.push_back(static_cast<std::int32_t>(indices.size()) + base);
-    }
-    c.size = sizeof c;
-    c.rows = c.cols = n;
-    c.nonzeros = static_cast<std::int64_t>(indices.size());
-    c.pointers = pointers.data();
-    c.indices = indices.data();
-    c.values = reinterpret_cast<const double*>(values.data());
-    c.layout = layout;
-    c.storage = storage;
-    c.index_base = base;
-    c.numbers = ESPALIER_COMPLEX;
-  }
-};
+using espalier::test::matrix_for;
+using Arrays = espalier::test::Arrays<std::int32_t>;
 
 void solve_with_every_storage_layout_and_transpose(bool real_form) {
   const int n = 30;
@@ -72,7 +29,7 @@ void solve_with_every_storage_layout_and_transpose(bool real_form) {
     for (const int layout : {ESPALIER_CSC, ESPALIER_CSR})
       for (const int base : {0, 1}) {
         SCOPED_TRACE(testing::Message() << "storage " << storage << ", layout " << layout << ", base " << base);
-        const Dense a = matrix(n, storage), b = Dense::Random(n, 2);
+        const Dense a = matrix_for(storage, n), b = Dense::Random(n, 2);
         const Arrays arrays(a, layout, storage, base);
         const Handle s = make();
         ASSERT_EQ(analyze(s.get(), arrays.c), ESPALIER_OK) << espalier_last_error(s.get());
@@ -135,7 +92,7 @@ TEST(CComplex, NullVectorsAreThoseOfTheCallersMatrix) {
     for (const int storage : {values, static_cast<int>(ESPALIER_GENERAL)})
       for (const int layout : {ESPALIER_CSC, ESPALIER_CSR}) {
         SCOPED_TRACE(testing::Message() << "values " << values << ", storage " << storage << ", layout " << layout);
-        Dense a = matrix(20, values);
+        Dense a = matrix_for(values, 20);
         const Value factor(1, 2), other = values >= ESPALIER_HERMITIAN_LOWER ? std::conj(factor) : factor;
         a.col(7) = factor * a.col(4);  // ... and the row likewise
         a.row(7) = other * a.row(4);
@@ -155,7 +112,7 @@ TEST(CComplex, NullVectorsAreThoseOfTheCallersMatrix) {
 }
 
 TEST(CComplex, MisuseIsTold) {
-  const Dense a = matrix(9, ESPALIER_HERMITIAN_LOWER);
+  const Dense a = matrix_for(ESPALIER_HERMITIAN_LOWER, 9);
   Arrays arrays(a, ESPALIER_CSC, ESPALIER_HERMITIAN_LOWER, 0);
   const Handle s = make();
   espalier_matrix_i32 wrong = arrays.c;
@@ -173,7 +130,7 @@ TEST(CComplex, MisuseIsTold) {
   EXPECT_EQ(factorize(s.get(), wrong), ESPALIER_MISUSE);
   EXPECT_EQ(espalier_refactorize_device(s.get(), arrays.c.values, arrays.c.nonzeros, nullptr, nullptr),
             ESPALIER_DEVICE_ERROR);
-  arrays.values[0] += Value(0, 1);
+  arrays.values[1] += 1;  // an imaginary part
   EXPECT_EQ(factorize(s.get(), arrays.c), ESPALIER_INVALID_INPUT);
   EXPECT_EQ(espalier_last_error_row(s.get()), 0);
 }

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "solver/c/c_handle.hpp"
+#include "solver/c/c_matrices.hpp"
 
 namespace c_factor_file_test {
 
@@ -20,53 +21,8 @@ using espalier::test::analyze;
 using espalier::test::factorize;
 using espalier::test::Handle;
 using espalier::test::make;
-
-Dense matrix(int n, int storage, bool complex) {
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> u(-1, 1);
-  Dense a = Dense::Zero(n, n);
-  for (int j = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i)
-      if (i == j || (i + 2 * j) % 5 == 0) {
-        const double real = u(random);
-        a(i, j) = Value(real, complex ? u(random) : 0);
-      }
-  if (storage >= ESPALIER_HERMITIAN_LOWER) return a + a.adjoint();
-  return storage == ESPALIER_GENERAL ? a : Dense(a + a.transpose());
-}
-
-struct Arrays {
-  std::vector<std::int64_t> pointers, indices;
-  std::vector<double> values;
-  espalier_matrix_i64 c{};
-
-  Arrays(const Dense& a, int layout, int storage, int base, bool complex) {
-    const auto n = static_cast<int>(a.rows());
-    pointers.push_back(base);
-    for (int outer = 0; outer < n; ++outer) {
-      for (int inner = 0; inner < n; ++inner) {
-        const int row = layout == ESPALIER_CSR ? outer : inner, col = layout == ESPALIER_CSR ? inner : outer;
-        const bool lower = storage == ESPALIER_SYMMETRIC_LOWER || storage == ESPALIER_HERMITIAN_LOWER;
-        const bool upper = storage == ESPALIER_SYMMETRIC_UPPER || storage == ESPALIER_HERMITIAN_UPPER;
-        if (a(row, col) == Value(0) || (lower && row < col) || (upper && row > col)) continue;
-        indices.push_back(inner + base);
-        values.push_back(a(row, col).real());
-        if (complex) values.push_back(a(row, col).imag());
-      }
-      pointers.push_back(static_cast<std::int64_t>(indices.size()) + base);
-    }
-    c.size = sizeof c;
-    c.rows = c.cols = n;
-    c.nonzeros = static_cast<std::int64_t>(indices.size());
-    c.pointers = pointers.data();
-    c.indices = indices.data();
-    c.values = values.data();
-    c.layout = layout;
-    c.storage = storage;
-    c.index_base = base;
-    c.numbers = complex ? ESPALIER_COMPLEX : ESPALIER_REAL;
-  }
-};
+using espalier::test::matrix_for;
+using Arrays = espalier::test::Arrays<std::int64_t>;
 
 class CFactorFile : public ::testing::Test {
  protected:
@@ -97,7 +53,7 @@ class CFactorFile : public ::testing::Test {
     const int n = 30, columns = 2;
     SCOPED_TRACE(testing::Message() << "storage " << storage << ", layout " << layout << ", base " << base
                                     << ", complex " << complex << ", kind " << kind);
-    const Dense a = matrix(n, storage, complex);
+    const Dense a = matrix_for(storage, n, complex);
     const Arrays arrays(a, layout, storage, base, complex);
     const Handle first = make(), second = make();
     ASSERT_EQ(espalier_set_option(first.get(), "kind", kind), ESPALIER_OK);
@@ -150,7 +106,7 @@ TEST_F(CFactorFile, SolvesAsTheSolverThatWasSaved) {
 TEST_F(CFactorFile, NullVectorsComeAlong) {
   for (const bool complex : {false, true})
     for (const int layout : {ESPALIER_CSC, ESPALIER_CSR}) {
-      Dense a = matrix(20, ESPALIER_GENERAL, complex);
+      Dense a = matrix_for(ESPALIER_GENERAL, 20, complex);
       a.col(7) = a.col(4);
       const Arrays arrays(a, layout, ESPALIER_GENERAL, 0, complex);
       const Handle first = make(), second = make();
@@ -170,7 +126,7 @@ TEST_F(CFactorFile, NullVectorsComeAlong) {
 }
 
 TEST_F(CFactorFile, MisuseAndBadFilesLeaveAUsableHandle) {
-  const Dense a = matrix(9, ESPALIER_GENERAL, true);
+  const Dense a = matrix_for(ESPALIER_GENERAL, 9, true);
   const Arrays arrays(a, ESPALIER_CSR, ESPALIER_GENERAL, 0, true);
   const Handle s = make();
   EXPECT_EQ(espalier_save_factor(s.get(), path_.c_str()), ESPALIER_MISUSE);
