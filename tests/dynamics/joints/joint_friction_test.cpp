@@ -160,18 +160,8 @@ axis = [1, 0, 0]
 
 TEST(JointStops, HoldAPendulumWhereItsWeightAndTheStopBalance) {
   // Penalty k (p - e/2) against the moment m g l sin(limit + p): a hinge that may turn to 0.3 only.
-  const Simulation s = simulated(R"toml(gravity = [10, 0, 0]
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [0.01, 0.01, 0.01]
-position = [0, -1, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-axis = [0, 0, 1]
-limits = { upper = 0.3, stiffness = 1e4, smoothing = 1e-5, damping = 2 }
+  const Simulation s = simulated("gravity = [10, 0, 0]\n" + hinged_bob("0.01", "[0, -1, 0]") +
+                                 R"toml(limits = { upper = 0.3, stiffness = 1e4, smoothing = 1e-5, damping = 2 }
 friction = { viscous = 5 }
 [integrator]
 end = 30

@@ -34,6 +34,13 @@ inline Simulation simulated(const std::string& text, SimulationOptions options =
   return simulation;
 }
 
+/// A body "bob" of mass 2 on a hinge about z at the origin; keys of the hinge may follow.
+inline std::string hinged_bob(const std::string& inertia, const std::string& position) {
+  return "[bodies.bob]\ntype = \"rigid\"\nmass = 2\ninertia = [" + inertia + ", " + inertia + ", " + inertia +
+         "]\nposition = " + position +
+         "\n[joints.hinge]\ntype = \"revolute\"\nbodies = [\"ground\", \"bob\"]\nat = [0, 0, 0]\naxis = [0, 0, 1]\n";
+}
+
 /// A text with `what`, which it must have, replaced by `by`.
 inline std::string replaced(std::string text, const std::string& what, const std::string& by) {
   const std::size_t at = text.find(what);

@@ -42,18 +42,7 @@ TEST(Events, FreeFallEndsWhereItsClosedFormSays) {
 
 TEST(Events, SwitchOffAJoint) {
   // A pendulum that is let go at the bottom flies on along a parabola with the speed that it has.
-  const Simulation s = simulated(R"toml(gravity = [0, -10, 0]
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [1e-9, 1e-9, 1e-9]
-position = [1, 0, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-axis = [0, 0, 1]
-[events.release]
+  const Simulation s = simulated("gravity = [0, -10, 0]\n" + hinged_bob("1e-9", "[1, 0, 0]") + R"toml([events.release]
 when = "bob.position.x < 0"
 off = ["hinge"]
 once = true

@@ -193,18 +193,7 @@ TEST(StateForces, ControlledPendulumFollowsItsReducedEquation) {
     a += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4);
     w += h / 6 * (w1 + 2 * w2 + 2 * w3 + w4);
   }
-  const Simulation s = simulated(R"toml(gravity = [0, -10, 0]
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [0.01, 0.01, 0.01]
-position = [0, -1, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-axis = [0, 0, 1]
-[forces.motor]
+  const Simulation s = simulated("gravity = [0, -10, 0]\n" + hinged_bob("0.01", "[0, -1, 0]") + R"toml([forces.motor]
 type = "torque-motor"
 bodies = ["ground", "bob"]
 at = [0, 0, 0]

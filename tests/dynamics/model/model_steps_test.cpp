@@ -22,20 +22,8 @@ force = ["inputs.push", 0, 0]
 )toml";
 
 // A cart on a rail under an input, with a hinge that an event opens.
-const std::string kSwing = R"toml(gravity = [0, -10, 0]
-[inputs]
-torque = 0
-[bodies.bob]
-type = "rigid"
-mass = 2
-inertia = [1e-2, 1e-2, 1e-2]
-position = [1, 0, 0]
-[joints.hinge]
-type = "revolute"
-bodies = ["ground", "bob"]
-at = [0, 0, 0]
-axis = [0, 0, 1]
-[forces.motor]
+const std::string kSwing =
+    "gravity = [0, -10, 0]\n[inputs]\ntorque = 0\n" + hinged_bob("1e-2", "[1, 0, 0]") + R"toml([forces.motor]
 type = "torque-motor"
 a = { body = "ground", axis = [0, 0, 1] }
 b = { body = "bob" }
