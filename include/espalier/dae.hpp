@@ -132,7 +132,12 @@ enum class DaeMethod { bdf, generalized_alpha };
 
 /// How bdf solves the equations of a step. `reduced` is the one to use; the others are references that work on dense
 /// matrices of 3 n + m unknowns.
-enum class DaeIteration { reduced, full_matched, full_tangent, full_boolean };
+enum class DaeIteration {
+  reduced,       ///< three solves with K of size n + m per iteration; U = W^T N is implied by K
+  full_matched,  ///< Newton on the 3n + m system with explicit U = W^T N of the same K: must agree with `reduced`
+  full_tangent,  ///< Newton on the 3n + m system, U = orthonormal basis of the tangent space (QR of Phi_q^T)
+  full_boolean,  ///< Newton on the 3n + m system, U = independent coordinates (LU of Phi_q with full pivoting)
+};
 
 /// All options of both methods. Those that say so belong to one of them; the other does not look at them.
 struct DaeOptions {

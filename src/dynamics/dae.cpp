@@ -35,12 +35,6 @@ double JacobianCheck::largest() const { return std::max({f_a, f_v, f_q, phi_q, n
 
 namespace {
 
-constexpr std::pair<DaeIteration, BdfIteration> kIterations[] = {
-    {DaeIteration::reduced, BdfIteration::reduced},
-    {DaeIteration::full_matched, BdfIteration::full_matched},
-    {DaeIteration::full_tangent, BdfIteration::full_tangent},
-    {DaeIteration::full_boolean, BdfIteration::full_boolean}};
-
 BdfOptions bdf_options(const DaeOptions& o) {
   BdfOptions b;
   b.max_order = o.max_order;
@@ -58,8 +52,7 @@ BdfOptions bdf_options(const DaeOptions& o) {
   b.newton_tolerance = o.newton_tolerance;
   b.refactor_rate = o.refactor_rate;
   b.refactor_step = o.refactor_step;
-  for (const auto& [asked, iteration] : kIterations)
-    if (asked == o.iteration) b.iteration = iteration;
+  b.iteration = o.iteration;
   return b;
 }
 

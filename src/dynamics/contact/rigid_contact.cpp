@@ -132,7 +132,6 @@ std::vector<RigidContact::Pair> RigidContact::near_pairs(double margin) {
 }
 
 void RigidContact::search() {
-  ++searches_;
   pairs_ = near_pairs(margin_);
   widened_ = boxes_;
   for (Box& box : widened_) box.widen(margin_);

@@ -51,7 +51,7 @@ class RigidContact final : public Contact {
   [[nodiscard]] std::vector<Overlap> overlaps(ConstSpan q) override;
   // Impacts, where the law has `impulse` (rigid_impact.cpp). Touches are open, and then without any force, or resting:
   // held by the spring of the law until they open.
-  [[nodiscard]] bool has_impulses() const { return law_.impulse; }
+
   /// Not negative where an open touch is closed and does not part: something strikes. Else minus its distance from
   /// that.
   [[nodiscard]] double closing(const StateView& s);
@@ -62,8 +62,7 @@ class RigidContact final : public Contact {
   /// Takes up what solve_impact() made of them. @pre no other call since add_impact_points()
   void take_impact(std::span<const ImpactPoint> points);
   [[nodiscard]] const std::vector<RigidSurface>& surfaces() const { return surfaces_; }
-  /// How often the list of near pairs, and the pattern, were made.
-  [[nodiscard]] long searches() const { return searches_; }
+  /// How often the pattern was made.
   [[nodiscard]] long patterns() const { return patterns_; }
 
  private:
@@ -141,7 +140,7 @@ class RigidContact final : public Contact {
   std::vector<std::array<Index, 2>> pattern_;  // pairs of bodies, sorted
   std::map<std::array<Index, 2>, std::array<Offset, 6>> places_;
   bool pattern_stale_ = true;
-  long searches_ = 0, patterns_ = 0;
+  long patterns_ = 0;
   // History
   std::vector<Memory> memory_;           // sorted by pair
   std::vector<double> last_q_, last_v_;  // accepted

@@ -222,7 +222,7 @@ bool BdfIntegrator::attempt(double h, bool retry, StepReport& report) {
     if (may_enter_device()) enter_device();
     if (solve_augmented(report) == Outcome::converged) return true;
     ++report.newton_failures;
-    if (!factor_fresh_ || options_.iteration != BdfIteration::reduced || level_.empty()) return false;
+    if (!factor_fresh_ || options_.iteration != DaeIteration::reduced || level_.empty()) return false;
     leave_device();
     begin_attempt(h);
   }

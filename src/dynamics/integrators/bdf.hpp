@@ -14,20 +14,14 @@
 #include "dynamics/integrators/history.hpp"
 #include "dynamics/integrators/integrator.hpp"
 #include "dynamics/integrators/shared_vectors.hpp"
+#include "espalier/dae.hpp"
 
 namespace espalier::dynamics {
 
-/// How the nonlinear equations of a step are solved.
-enum class BdfIteration {
-  reduced,       ///< three solves with K of size n + m per iteration; U = W^T N is implied by K (the default)
-  full_matched,  ///< Newton on the 3n + m system with explicit U = W^T N of the same K: must agree with `reduced`
-  full_tangent,  ///< Newton on the 3n + m system, U = orthonormal basis of the tangent space (QR of Phi_q^T)
-  full_boolean,  ///< Newton on the 3n + m system, U = independent coordinates (LU of Phi_q with full pivoting)
-};
-inline constexpr base::Named<BdfIteration> kBdfIterations[] = {{"reduced", BdfIteration::reduced},
-                                                               {"full-matched", BdfIteration::full_matched},
-                                                               {"full-tangent", BdfIteration::full_tangent},
-                                                               {"full-boolean", BdfIteration::full_boolean}};
+inline constexpr base::Named<DaeIteration> kBdfIterations[] = {{"reduced", DaeIteration::reduced},
+                                                               {"full-matched", DaeIteration::full_matched},
+                                                               {"full-tangent", DaeIteration::full_tangent},
+                                                               {"full-boolean", DaeIteration::full_boolean}};
 
 /// Tolerances that follow from the model: the errors of all steps together stay at a part of its extent. A step of
 /// length h may have the share h / duration of that (errors per unit of time), so that long runs take no more of it.
@@ -72,7 +66,7 @@ struct BdfOptions {
   double newton_tolerance = 0.01;
   double refactor_rate = 0.25;  ///< a slower convergence rate asks for a new factor at the next step
   double refactor_step = 0.3;   ///< so does a relative change of h/b0 since the factor
-  BdfIteration iteration = BdfIteration::reduced;
+  DaeIteration iteration = DaeIteration::reduced;
   bool measure_blocks = false;  ///< evaluate every block of H after each step (dense; small systems)
   bool operator==(const BdfOptions&) const = default;
 };

@@ -38,7 +38,7 @@ MotionArrays BdfIntegrator::arrays() {
 
 // Asked at an attempt that has its factor: only the reduced iteration is there.
 bool BdfIntegrator::may_enter_device() const {
-  return !on_device() && !equations_.has_non_holonomic() && options_.iteration == BdfIteration::reduced &&
+  return !on_device() && !equations_.has_non_holonomic() && options_.iteration == DaeIteration::reduced &&
          !options_.measure_blocks && projected_left_ == 0 && noisy_left_ == 0 && first_left_ == 0 &&
          equations_.kkt().solves_there();
 }

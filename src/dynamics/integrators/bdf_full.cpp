@@ -57,15 +57,15 @@ void BdfIntegrator::parametrise() {
   Eigen::MatrixXd g = dense_phi_q(kkt.phi_q_pattern(), kkt.phi_q_values(), equations_.dropped());
   const Index n = equations_.sizes().velocity;
   Eigen::MatrixXd u;
-  if (options_.iteration == BdfIteration::full_boolean) {
+  if (options_.iteration == DaeIteration::full_boolean) {
     u = boolean_basis(g);
   } else {
     // The solves with K leave free what lies along W^-1 (Phi_q^T + F_lambda).
     const SparsePattern* f_lambda = equations_.system().multiplier_pattern();
-    if (f_lambda != nullptr && options_.iteration != BdfIteration::full_tangent)
+    if (f_lambda != nullptr && options_.iteration != DaeIteration::full_tangent)
       add_f_lambda(*f_lambda, kkt.f_lambda_values(), equations_.dropped(), g);
     u = g.rows() == 0 ? Eigen::MatrixXd::Identity(n, n) : tangent_basis(g);
-    if (options_.iteration != BdfIteration::full_tangent) {
+    if (options_.iteration != DaeIteration::full_tangent) {
       Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, n);
       const SparsePattern& p = kkt.w_pattern();
       for (Index j = 0; j < n; ++j) {

@@ -372,7 +372,7 @@ BdfIntegrator::Outcome BdfIntegrator::solve_reduced(StepReport& report) {
 }
 
 BdfIntegrator::Outcome BdfIntegrator::solve_step(StepReport& report) {
-  return options_.iteration == BdfIteration::reduced ? solve_reduced(report) : solve_full(report);
+  return options_.iteration == DaeIteration::reduced ? solve_reduced(report) : solve_full(report);
 }
 
 }  // namespace espalier::dynamics

@@ -183,7 +183,7 @@ struct PendulumRun {
   double largest_block = 0;
 };
 
-PendulumRun run_pendulum(BdfIteration iteration, double h, int order, int steps) {
+PendulumRun run_pendulum(DaeIteration iteration, double h, int order, int steps) {
   FunctionSystem system(double_pendulum());
   Equations equations(system);
   BdfOptions o = fixed(h, order);
@@ -207,8 +207,8 @@ PendulumRun run_pendulum(BdfIteration iteration, double h, int order, int steps)
 TEST(ReducedIteration, SolvesEveryBlockAndAgreesWithTheFullSystem) {
   for (const double h : {0.02, 0.005, 0.001}) {
     for (const int order : {1, 2}) {
-      const PendulumRun reduced = run_pendulum(BdfIteration::reduced, h, order, 5);
-      const PendulumRun full = run_pendulum(BdfIteration::full_matched, h, order, 5);
+      const PendulumRun reduced = run_pendulum(DaeIteration::reduced, h, order, 5);
+      const PendulumRun full = run_pendulum(DaeIteration::full_matched, h, order, 5);
       // Accelerations are of size 20 and carry 1 / h times the round-off of v: 1e-12 on q and v, relative to size on a.
       EXPECT_LT(distance(reduced.end.q, full.end.q), 1e-12) << h;
       EXPECT_LT(distance(reduced.end.v, full.end.v), 1e-12) << h;
@@ -222,10 +222,10 @@ TEST(ReducedIteration, SolvesEveryBlockAndAgreesWithTheFullSystem) {
 
 // Other choices of U give another discrete solution; all converge to the same motion with the order of the formula.
 TEST(ReducedIteration, OtherParametrisationsDifferByTheOrderOfTheMethod) {
-  for (const BdfIteration kind : {BdfIteration::full_tangent, BdfIteration::full_boolean}) {
+  for (const DaeIteration kind : {DaeIteration::full_tangent, DaeIteration::full_boolean}) {
     double previous = 0;
     for (const int steps : {10, 20, 40}) {
-      const PendulumRun reduced = run_pendulum(BdfIteration::reduced, 0.1 / steps, 2, steps);
+      const PendulumRun reduced = run_pendulum(DaeIteration::reduced, 0.1 / steps, 2, steps);
       const PendulumRun other = run_pendulum(kind, 0.1 / steps, 2, steps);
       EXPECT_LT(other.largest_block, 1e-11);
       const double difference = distance(reduced.end.q, other.end.q);

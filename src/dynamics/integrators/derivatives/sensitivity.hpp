@@ -43,7 +43,6 @@ class ForwardSensitivity {
   void statics(const State& now);
 
   [[nodiscard]] std::size_t parameters() const { return sides_.size(); }
-  [[nodiscard]] const Variation& variation(std::size_t p) const { return sides_[p].s; }
   /// The states to both sides that the present derivative belongs to: 0 below, 1 above.
   [[nodiscard]] const State& side(std::size_t p, int above) const { return sides_[p].state[above]; }
   /// The largest change of a last pass so far, over the largest derivative: how well the linear equations are solved.

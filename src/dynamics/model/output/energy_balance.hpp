@@ -37,9 +37,6 @@ class EnergyBalance {
 
   [[nodiscard]] double work() const { return work_; }  ///< integral of P
   [[nodiscard]] double gain() const { return gain_; }  ///< of the steps; negative: a loss
-  /// What the sum of trapezoids may be off: what it changes with every other point left out, in parts; and rounding of
-  /// the energies.
-  [[nodiscard]] double uncertainty() const { return uncertainty_; }
   /// Largest kinetic energy, or range of the potential one, or sum of all work, whichever is the largest.
   [[nodiscard]] double scale() const;
   /// A line where the gain is more than a hundredth of the scale, beyond what is uncertain.
@@ -62,7 +59,9 @@ class EnergyBalance {
   int every_, passed_ = 0;
   State last_;
   std::optional<Rate> known_;  // of the last state
-  double work_ = 0, absolute_work_ = 0, gain_ = 0, uncertainty_ = 0;
+  double work_ = 0, absolute_work_ = 0, gain_ = 0;
+  double uncertainty_ =
+      0;  // of the sum of trapezoids: its change without every other point, and rounding of the energies
   double kinetic_ = 0, lowest_ = 0, highest_ = 0;
   bool seen_ = false;
   std::vector<double> q_, v_, change_, left_;
