@@ -7,6 +7,7 @@
 #include <stdexcept>
 
 #include "base/at.hpp"
+#include "base/named.hpp"
 #include "dynamics/model/assembly/line_elements.hpp"
 #include "dynamics/model/build/functions.hpp"
 #include "dynamics/model/fields/field_quantity.hpp"
@@ -45,12 +46,26 @@ std::optional<FieldRequest> parse(const std::string& text) {
   return r;
 }
 
-constexpr std::array<const char*, 6> kFamilies = {"stress",        "strain",   "section",
-                                                  "strain_energy", "reaction", "reaction_moment"};
+/// What a place on a body has.
+struct Family {
+  const char *name, *dimension;  // ""; each component has its own
+  std::optional<FieldKind> field;
+};
+constexpr Family kFamilies[] = {{"stress", "force/length^2", FieldKind::stress},
+                                {"strain", "1", FieldKind::strain},
+                                {"section", "", FieldKind::section},
+                                {"strain_energy", "energy", {}},
+                                {"reaction", "force", {}},
+                                {"reaction_moment", "force*length", {}}};
 
-constexpr std::array<std::pair<const char*, Statistic>, 4> kStatistics = {
-    std::pair{"max", Statistic::max}, std::pair{"min", Statistic::min}, std::pair{"maxabs", Statistic::maxabs},
-    std::pair{"mean", Statistic::mean}};
+const Family* family_of(const std::string& name) {
+  for (const Family& family : kFamilies)
+    if (family.name == name) return &family;
+  return nullptr;
+}
+
+constexpr base::Named<Statistic> kStatistics[] = {
+    {"max", Statistic::max}, {"min", Statistic::min}, {"maxabs", Statistic::maxabs}, {"mean", Statistic::mean}};
 
 /// Takes a statistic from the end of the words.
 Statistic take_statistic(std::vector<std::string>& words) {
@@ -188,9 +203,8 @@ std::vector<Quantity> of_body(Mechanism& mechanism, const FieldRequest& r, Stati
     for (const BuiltBody& b : mechanism.bodies) names.push_back(b.spec.name);
     throw std::invalid_argument(fmt::format("there is no body '{}'{}", r.object, suggestion(r.object, names)));
   }
-  if (r.family == "stress") return of_measures(mechanism, *body, r, FieldKind::stress, otherwise);
-  if (r.family == "strain") return of_measures(mechanism, *body, r, FieldKind::strain, otherwise);
-  if (r.family == "section") return of_measures(mechanism, *body, r, FieldKind::section, otherwise);
+  const Family* family = family_of(r.family);
+  if (family != nullptr && family->field) return of_measures(mechanism, *body, r, *family->field, otherwise);
   const Where where = r.bracket ? read_where(r.where) : Where{};
   if (r.family == "strain_energy") {
     if (!r.rest.empty()) throw std::invalid_argument("'strain_energy' is a number without components");
@@ -198,8 +212,9 @@ std::vector<Quantity> of_body(Mechanism& mechanism, const FieldRequest& r, Stati
   }
   if (r.family == "reaction" || r.family == "reaction_moment")
     return of_vector(r, reaction_on(mechanism, *body, where, r.family == "reaction_moment"));
-  throw std::invalid_argument(fmt::format("a place on a body has no '{}'{}", r.family,
-                                          suggestion(r.family, {kFamilies.begin(), kFamilies.end()})));
+  std::vector<std::string> names;
+  for (const Family& known : kFamilies) names.emplace_back(known.name);
+  throw std::invalid_argument(fmt::format("a place on a body has no '{}'{}", r.family, suggestion(r.family, names)));
 }
 
 }  // namespace
@@ -208,7 +223,7 @@ bool is_field_request(const std::string& request) {
   const std::optional<FieldRequest> r = parse(request);
   if (!r) return request.find('[') != std::string::npos;
   if (r->object == "inputs" || r->object == "sensors") return r->bracket;
-  return r->bracket || std::find(kFamilies.begin(), kFamilies.end(), r->family) != kFamilies.end();
+  return r->bracket || family_of(r->family) != nullptr;
 }
 
 std::vector<Quantity> find_field_quantities(Mechanism& mechanism, const std::string& request, const Place& place,
@@ -233,23 +248,20 @@ std::vector<Quantity> field_quantities_at(Mechanism& mechanism, const std::share
                                           const std::shared_ptr<const Sites>& sites, const std::string& request) {
   const std::size_t dot = std::min(request.find('.'), request.size());
   const std::string family = request.substr(0, dot), component = request.substr(std::min(dot + 1, request.size()));
-  constexpr std::array<std::pair<const char*, FieldKind>, 3> kKinds = {std::pair{"stress", FieldKind::stress},
-                                                                       std::pair{"strain", FieldKind::strain},
-                                                                       std::pair{"section", FieldKind::section}};
-  const auto kind = std::find_if(kKinds.begin(), kKinds.end(), [&](const auto& k) { return family == k.first; });
-  if (kind == kKinds.end())
+  const Family* row = family_of(family);
+  if (row == nullptr || !row->field)
     throw std::invalid_argument(
         fmt::format("a path has stress, strain or section, as in \"stress.xx\"; there is no '{}'", family));
   Where point;
   point.kind = Where::Kind::point;
   std::vector<Quantity> out;
   std::vector<std::string> names;
-  for (const Measure& m : measures_of(*body, kind->second, point, Statistic::none)) {
+  for (const Measure& m : measures_of(*body, *row->field, point, Statistic::none)) {
     names.push_back(m.name);
     const bool all = component.empty() && (m.linear || m.name == "xx") && m.name != "pressure";
     if (!all && m.name != component && !(component.starts_with("direction_") && m.name.starts_with(component + ".")))
       continue;
-    auto field = std::make_shared<const FieldQuantity>(body, sites, kind->second, m, Statistic::none, &mechanism.pool);
+    auto field = std::make_shared<const FieldQuantity>(body, sites, *row->field, m, Statistic::none, &mechanism.pool);
     out.push_back({family + "." + m.name, [field](const Sample& s) { return field->value(s); }, field});
   }
   if (out.empty())
@@ -263,11 +275,9 @@ std::string field_dimension(const std::string& request) {
   if (!r) return "";
   const std::string component = r->rest.empty() ? "" : r->rest.front();
   if (component.starts_with("direction_")) return "1";
-  if (r->family == "stress") return "force/length^2";
-  if (r->family == "strain") return "1";
-  if (r->family == "strain_energy") return "energy";
-  if (r->family == "reaction" || r->family == "force") return "force";
-  if (r->family == "reaction_moment" || r->family == "moment") return "force*length";
+  if (const Family* f = family_of(r->family); f != nullptr && f->dimension[0] != 0) return f->dimension;
+  if (r->family == "force") return "force";
+  if (r->family == "moment") return "force*length";
   if (component.starts_with("n") || component.starts_with("q")) return "force/length";
   if (component.starts_with("m")) return "force";
   return component.starts_with("N") || component.starts_with("Q") ? "force" : "force*length";
