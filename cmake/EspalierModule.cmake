@@ -79,9 +79,10 @@ endfunction()
 # made once. Sources with the same options go together, up to 200 kB (half a minute of a compiler). Names in their
 # anonymous namespaces must differ; a clash is an error of the compiler.
 # ESPALIER_APART names those whose sources somebody edits: they stay files of their own (-DESPALIER_APART="reading;building").
-# espalier_together(target name OPTIONS options... SOURCES files...), files relative to the current folder.
+# VECTORS: each source is read once per instruction set by Highway; then all of them are, and they share its headers.
+# espalier_together(target name [VECTORS] OPTIONS options... SOURCES files...), files relative to the current folder.
 function(espalier_together target name)
-  cmake_parse_arguments(ARG "" "" "OPTIONS;SOURCES" ${ARGN})
+  cmake_parse_arguments(ARG "VECTORS" "" "OPTIONS;SOURCES" ${ARGN})
   if(ARG_OPTIONS)
     set_property(SOURCE ${ARG_SOURCES} APPEND PROPERTY COMPILE_OPTIONS ${ARG_OPTIONS})
   endif()
@@ -112,6 +113,11 @@ function(espalier_together target name)
   set(number "")
   foreach(piece IN LISTS pieces)
     set(together ${CMAKE_CURRENT_BINARY_DIR}/${target}_${name}${number}.cpp)
+    if(ARG_VECTORS)
+      set(again "#undef HWY_TARGET_INCLUDE\n#define HWY_TARGET_INCLUDE \"${together}\"\n")
+      set(text_${piece} "#include \"base/vector_targets.hpp\"\n${again}#include \"hwy/foreach_target.h\"\n${text_${piece}}${again}")
+      set_source_files_properties(${together} PROPERTIES SKIP_PRECOMPILE_HEADERS ON)
+    endif()
     file(CONFIGURE OUTPUT ${together} CONTENT "${text_${piece}}" @ONLY)
     if(options_${piece})
       set_source_files_properties(${together} PROPERTIES COMPILE_OPTIONS "${options_${piece}}")

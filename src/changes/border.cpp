@@ -18,6 +18,36 @@ using Eigen::VectorXd;
 template <class T>
 using MatrixOf = typename Border<T>::Matrix;
 
+// Loops over entries, here and below, take a compiler less than Eigen's expressions of two scalars.
+template <class T, class Use>
+void for_each_entry(MatrixOf<T>& a, const Use& use) {
+  for (Eigen::Index c = 0; c < a.cols(); ++c)
+    for (Eigen::Index r = 0; r < a.rows(); ++r) use(a(r, c), r, c);
+}
+
+template <class T>
+VectorXd largest_of_rows(MatrixOf<T>& a) {
+  VectorXd largest = VectorXd::Zero(a.rows());
+  for_each_entry<T>(a,
+                    [&](const T& x, Eigen::Index r, Eigen::Index) { largest[r] = std::max(largest[r], std::abs(x)); });
+  return largest;
+}
+
+template <class T>
+MatrixOf<T> scaled_rows(const VectorXd& by, MatrixOf<T> a) {
+  for_each_entry<T>(a, [&](T& x, Eigen::Index r, Eigen::Index) { x *= by[r]; });
+  return a;
+}
+
+/// The rows and columns of a list.
+template <class T>
+MatrixOf<T> chosen(const MatrixOf<T>& a, const std::vector<Index>& list) {
+  const auto n = static_cast<Eigen::Index>(list.size());
+  MatrixOf<T> made(n, n);
+  for_each_entry<T>(made, [&](T& x, Eigen::Index r, Eigen::Index c) { x = a(list[at(r)], list[at(c)]); });
+  return made;
+}
+
 constexpr std::size_t kKept = 64;  // members that are not active, whose columns stay
 constexpr Index kRightSlot = 8, kCorrectionSlot = 9;
 
@@ -192,17 +222,17 @@ template <class T>
 void Border<T>::keep_few() {
   std::size_t waiting = members_.size() - active_.size();
   if (waiting <= kKept) return;
-  std::vector<Eigen::Index> left;
+  std::vector<Index> left;
   std::vector<Member> kept;
   for (std::size_t k = 0; k < members_.size(); ++k) {
     if (!members_[k].active && waiting > kKept) {
       --waiting;
       continue;
     }
-    left.push_back(static_cast<Eigen::Index>(k));
+    left.push_back(static_cast<Index>(k));
     kept.push_back(std::move(members_[k]));
   }
-  products_ = products_(left, left).eval();
+  products_ = chosen<T>(products_, left);
   members_ = std::move(kept);
 }
 
@@ -216,22 +246,25 @@ void Border<T>::take(const Base<T>& base, std::vector<Member> made) {
   for (const Member& m : made) new_rows.push_back(&m.row);
   rows.insert(rows.end(), new_rows.begin(), new_rows.end());
   Matrix all(before + more, before + more);
-  all.topLeftCorner(before, before) = products_;
+  for_each_entry<T>(products_, [&](const T& x, Eigen::Index r, Eigen::Index c) { all(r, c) = x; });
   const auto multiply = [&](const std::vector<Member>& of, const std::vector<const SparseVector<T>*>& by,
                             Eigen::Index first_row, Eigen::Index first_column) {
     for_each_run(of, [&](std::size_t begin, std::size_t end) {
       const T* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
       const auto count = static_cast<Index>(end - begin);
-      all.block(first_row, first_column + static_cast<Eigen::Index>(begin), static_cast<Eigen::Index>(by.size()),
-                count) = products_of(base, by, z, count);
+      Matrix products = products_of(base, by, z, count);
+      for_each_entry<T>(products, [&](const T& x, Eigen::Index r, Eigen::Index c) {
+        all(first_row + r, first_column + static_cast<Eigen::Index>(begin) + c) = x;
+      });
     });
   };
   multiply(made, rows, 0, before);
   const auto mirrors = [](const Member& m) { return m.mirrors; };
   if (base.symmetric() && std::all_of(members_.begin(), members_.end(), mirrors) &&
       std::all_of(made.begin(), made.end(), mirrors)) {
-    const Matrix corner = all.topRightCorner(before, more);
-    all.bottomLeftCorner(more, before) = base.hermitian() ? Matrix(corner.adjoint()) : Matrix(corner.transpose());
+    for (Eigen::Index r = 0; r < before; ++r)
+      for (Eigen::Index c = before; c < before + more; ++c)
+        all(c, r) = base.hermitian() ? base::conjugate(all(r, c)) : all(r, c);
   } else {
     multiply(members_, new_rows, before, 0);
   }
@@ -278,16 +311,13 @@ T Border<T>::corner(std::size_t row, std::size_t column) const {
 template <class T>
 typename Border<T>::Matrix Border<T>::complement() const {
   constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
-  const std::vector<Eigen::Index> list(active_.begin(), active_.end());
-  Matrix s = -products_(list, list);
-  for (std::size_t r = 0; r < list.size(); ++r)
-    for (std::size_t c = 0; c < list.size(); ++c) {
-      T& entry = s(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
-      const T d = corner(r, c);
-      const double terms = std::abs(d) + std::abs(entry);
-      entry += d;
-      if (std::abs(entry) <= kRounding * terms) entry = 0;
-    }
+  Matrix s = chosen<T>(products_, active_);
+  for_each_entry<T>(s, [&](T& entry, Eigen::Index r, Eigen::Index c) {
+    const T d = corner(at(r), at(c));
+    const double terms = std::abs(d) + std::abs(entry);
+    entry = d - entry;
+    if (std::abs(entry) <= kRounding * terms) entry = 0;
+  });
   return s;
 }
 
@@ -296,11 +326,13 @@ Inertia Border<T>::inertia() const {
   Inertia of_s{0, 0, 0};
   Matrix s = complement();
   if (s.rows() == 0) return of_s;
-  const VectorXd scale = s.cwiseAbs().rowwise().maxCoeff().unaryExpr(
-      [](double x) { return x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0; });
-  const Matrix mean = (s + s.adjoint()) / 2;
-  s = scale.cast<T>().asDiagonal() * mean * scale.cast<T>().asDiagonal();
-  const VectorXd values = Eigen::SelfAdjointEigenSolver<Matrix>(s, Eigen::EigenvaluesOnly).eigenvalues();
+  VectorXd scale = largest_of_rows<T>(s);
+  for (double& x : scale) x = x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0;
+  Matrix mean(s.rows(), s.rows());
+  for_each_entry<T>(mean, [&](T& x, Eigen::Index r, Eigen::Index c) {
+    x = (s(r, c) + base::conjugate(s(c, r))) / 2.0 * scale[r] * scale[c];
+  });
+  const VectorXd values = dense::symmetric_eigenvalues(mean);
   const double zero =
       4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
   for (const double v : values) ++(std::abs(v) <= zero ? of_s.zero : v > 0 ? of_s.positive : of_s.negative);
@@ -316,17 +348,20 @@ bool Border<T>::factorize_once() {
   if (k == 0) return true;
   smallest_ = 0;
   if (!s.allFinite()) return false;
-  const VectorXd before = s.cwiseAbs().rowwise().maxCoeff();
-  row_ = before.unaryExpr(&inverse_power_of_two);
-  s = row_.cast<T>().asDiagonal() * s;
-  col_ = s.cwiseAbs().colwise().maxCoeff().transpose().unaryExpr(&inverse_power_of_two);
-  s = s * col_.cast<T>().asDiagonal();
+  const VectorXd before = largest_of_rows<T>(s);
+  row_ = before;
+  for (double& x : row_) x = inverse_power_of_two(x);
+  s = scaled_rows<T>(row_, std::move(s));
+  col_ = VectorXd::Zero(k);
+  for_each_entry<T>(s, [&](const T& x, Eigen::Index, Eigen::Index c) { col_[c] = std::max(col_[c], std::abs(x)); });
+  for (double& x : col_) x = inverse_power_of_two(x);
+  for_each_entry<T>(s, [&](T& x, Eigen::Index, Eigen::Index c) { x *= col_[c]; });
   factor_.compute(s);
-  // Where a pivot is zero, Eigen's estimate of the condition may come out finite.
-  if (!factor_.matrixLU().allFinite() || (factor_.matrixLU().diagonal().array() == T(0)).any()) return false;
+  // Where a pivot is zero, the estimate of the condition may come out finite.
+  if (!factor_.regular()) return false;
   const double least = 4 * static_cast<double>(k) * std::numeric_limits<double>::epsilon();
-  const std::vector<Eigen::Index> list(active_.begin(), active_.end());
-  const VectorXd terms = products_(list, list).cwiseAbs().rowwise().maxCoeff();
+  s = chosen<T>(products_, active_);
+  const VectorXd terms = largest_of_rows<T>(s);
   smallest_ = factor_.rcond();
   if (!(smallest_ > least)) return false;
   for (Eigen::Index r = 0; r < k; ++r)
@@ -351,13 +386,8 @@ bool Border<T>::factorize(Base<T>& base) {
 template <class T>
 typename Border<T>::Matrix Border<T>::solve(const Matrix& right, bool turned) const {
   if (active_.empty()) return right;
-  if (turned) {
-    const Matrix scaled = col_.cast<T>().asDiagonal() * right;
-    const Matrix found = factor_.transpose().solve(scaled);
-    return row_.cast<T>().asDiagonal() * found;
-  }
-  const Matrix scaled = row_.cast<T>().asDiagonal() * right;
-  return col_.cast<T>().asDiagonal() * factor_.solve(scaled);
+  if (turned) return scaled_rows<T>(row_, factor_.solve_transposed(scaled_rows<T>(col_, right)));
+  return scaled_rows<T>(col_, factor_.solve(scaled_rows<T>(row_, right)));
 }
 
 template <class T>

@@ -2,7 +2,7 @@
 /// The rows and columns around a factorized matrix, and the dense system that they leave.
 #pragma once
 
-#include <Eigen/Dense>
+#include <Eigen/Core>
 #include <memory>
 #include <set>
 #include <utility>
@@ -10,6 +10,7 @@
 
 #include "changes/base.hpp"
 #include "changes/changed_matrix.hpp"
+#include "dense/dense.hpp"
 
 namespace espalier::changes {
 
@@ -94,7 +95,7 @@ class Border {
   bool refines_ = false;       // all of them
   double smallest_ = 1;        // how near to singular S was when it was factorized
   Eigen::VectorXd row_, col_;  // powers of two that bring the rows and columns of S to about 1
-  Eigen::PartialPivLU<Matrix> factor_;
+  dense::LuOf<T> factor_;
 };
 
 }  // namespace espalier::changes

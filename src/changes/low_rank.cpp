@@ -1,8 +1,9 @@
 #include "changes/low_rank.hpp"
 
-#include <Eigen/Dense>
 #include <cmath>
 #include <limits>
+
+#include "dense/dense.hpp"
 
 namespace espalier::changes {
 
@@ -10,21 +11,9 @@ namespace {
 
 template <class T>
 using CoreOf = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
-template <class T>
-using VectorOf = Eigen::Matrix<T, Eigen::Dynamic, 1>;
-
 // C = Q diag(values) Q^T, or Q^H where it is Hermitian.
 template <class T>
-struct Factors {
-  Eigen::VectorXd values;
-  CoreOf<T> q;
-};
-
-template <class T>
-Factors<T> by_eigenvalues(const CoreOf<T>& c) {
-  const Eigen::SelfAdjointEigenSolver<CoreOf<T>> eigen(c);
-  return {eigen.eigenvalues(), eigen.eigenvectors()};
-}
+using Factors = dense::SpectrumOf<T>;
 
 // The factors of a complex symmetric matrix C = R + iS, Q unitary (Takagi 1925; Horn and Johnson 2013, section 4.4): C
 // conj(q) = s q for q = a + ib means [R S; S -R] [a; b] = s [a; b]. Its eigenvalues stand there with both signs.
@@ -32,15 +21,12 @@ Factors<std::complex<double>> by_singular_values(const CoreOf<std::complex<doubl
   const Eigen::Index n = c.rows();
   Eigen::MatrixXd real(2 * n, 2 * n);
   real << c.real(), c.imag(), c.imag(), -c.real();
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(real);
-  Factors<std::complex<double>> f;
-  f.values = eigen.eigenvalues().tail(n);
-  f.q.resize(n, n);
-  f.q.real() = eigen.eigenvectors().topRightCorner(n, n);
-  f.q.imag() = eigen.eigenvectors().bottomRightCorner(n, n);
+  const dense::Spectrum eigen = dense::symmetric_eigen(real);
+  Factors<std::complex<double>> f{eigen.values.tail(n), {n, n}};
+  f.vectors.real() = eigen.vectors.topRightCorner(n, n);
+  f.vectors.imag() = eigen.vectors.bottomRightCorner(n, n);
   // For zeros any vectors are found, not those of Q.
-  const double zero =
-      4 * static_cast<double>(n) * std::numeric_limits<double>::epsilon() * eigen.eigenvalues()[2 * n - 1];
+  const double zero = 4 * static_cast<double>(n) * std::numeric_limits<double>::epsilon() * eigen.values[2 * n - 1];
   for (double& s : f.values) s = s <= zero ? 0 : s;
   return f;
 }
@@ -49,15 +35,16 @@ template <class T>
 Factors<T> symmetric_factors(const CoreOf<T>& c, [[maybe_unused]] bool hermitian) {
   if constexpr (base::ScalarTraits<T>::is_complex)
     if (!hermitian) return by_singular_values(c);
-  return by_eigenvalues(c);
+  return dense::symmetric_eigen(c);
 }
 
+/// @param factors  `stride` apart
 template <class T>
-SparseVector<T> combined(const std::vector<SparseVector<T>>& of, const VectorOf<T>& factors) {
+SparseVector<T> combined(const std::vector<SparseVector<T>>& of, const T* factors, Eigen::Index stride) {
   SparseVector<T> sum;
-  for (std::size_t k = 0; k < of.size(); ++k)
+  for (std::size_t k = 0; k < of.size(); ++k, factors += stride)
     for (std::size_t q = 0; q < of[k].size(); ++q)
-      if (const T x = factors[static_cast<Eigen::Index>(k)] * of[k].value[q]; x != T(0)) sum.push(of[k].place[q], x);
+      if (const T x = *factors * of[k].value[q]; x != T(0)) sum.push(of[k].place[q], x);
   sum.sort();
   return sum;
 }
@@ -88,12 +75,11 @@ std::vector<Item<T>> low_rank_items(const std::vector<SparseVector<T>>& u, std::
   if (core == turned && mirrors(u, v, hermitian)) {  // one row and column for each eigenvalue, which the inertia needs
     const Factors<T> f = symmetric_factors<T>(core, hermitian);
     for (Eigen::Index k = 0; k < rank; ++k) {
-      const SparseVector<T> column = combined<T>(u, f.q.col(k));
+      const SparseVector<T> column = combined(u, &f.vectors(0, k), 1);
       push(column, column.mirrored(hermitian), T(-1 / f.values[k]));
     }
   } else {
-    for (Eigen::Index k = 0; k < rank; ++k)
-      push(u[static_cast<std::size_t>(k)], combined<T>(v, core.row(k).transpose()), T(-1));
+    for (Eigen::Index k = 0; k < rank; ++k) push(u[static_cast<std::size_t>(k)], combined(v, &core(k, 0), rank), T(-1));
   }
   return items;
 }

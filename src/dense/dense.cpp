@@ -43,7 +43,7 @@ MatrixXd solve_transposed_lower(const MatrixXd& l, const MatrixXd& b) {
   return l.transpose().triangularView<Eigen::Upper>().solve(b);
 }
 
-MatrixXcd solve(const MatrixXcd& a, const MatrixXcd& b) { return Eigen::PartialPivLU<MatrixXcd>(a).solve(b); }
+MatrixXcd solve(const MatrixXcd& a, const MatrixXcd& b) { return LuOf<std::complex<double>>(a).solve(b); }
 
 bool solve_definite(const MatrixXd& a, MatrixXd& x) {
   const Eigen::LDLT<MatrixXd> factor(a);
@@ -52,28 +52,66 @@ bool solve_definite(const MatrixXd& a, MatrixXd& x) {
   return true;
 }
 
-struct Lu::Factor {
-  Eigen::PartialPivLU<MatrixXd> lu;
+template <class T>
+struct LuOf<T>::Factor {
+  Eigen::PartialPivLU<Matrix> lu;
 };
 
-Lu::Lu() : factor_(std::make_unique<Factor>()) {}
-Lu::Lu(const MatrixXd& a) : Lu() { compute(a); }
-Lu::~Lu() = default;
-Lu::Lu(Lu&&) noexcept = default;
-Lu& Lu::operator=(Lu&&) noexcept = default;
+template <class T>
+LuOf<T>::LuOf() : factor_(std::make_unique<Factor>()) {}
+template <class T>
+LuOf<T>::LuOf(const Matrix& a) : LuOf() {
+  compute(a);
+}
+template <class T>
+LuOf<T>::~LuOf() = default;
+template <class T>
+LuOf<T>::LuOf(LuOf&&) noexcept = default;
+template <class T>
+LuOf<T>& LuOf<T>::operator=(LuOf&&) noexcept = default;
 
-void Lu::compute(const MatrixXd& a) { factor_->lu.compute(a); }
-MatrixXd Lu::solve(const MatrixXd& b) const { return factor_->lu.solve(b); }
-
-void Lu::solve(const Eigen::Ref<const VectorXd>& b, Eigen::Ref<VectorXd> x) const {
-  const auto& lu = factor_->lu;
-  x.noalias() = lu.permutationP() * b;
-  lu.matrixLU().triangularView<Eigen::UnitLower>().solveInPlace(x);
-  lu.matrixLU().triangularView<Eigen::Upper>().solveInPlace(x);
+template <class T>
+void LuOf<T>::compute(const Matrix& a) {
+  factor_->lu.compute(a);
+}
+template <class T>
+typename LuOf<T>::Matrix LuOf<T>::solve(const Matrix& b) const {
+  return factor_->lu.solve(b);
+}
+template <class T>
+typename LuOf<T>::Matrix LuOf<T>::solve_transposed(const Matrix& b) const {
+  return factor_->lu.transpose().solve(b);
 }
 
-VectorXd Lu::pivots() const { return factor_->lu.matrixLU().diagonal(); }
-int Lu::permutation_sign() const { return factor_->lu.permutationP().determinant() < 0 ? -1 : 1; }
-double Lu::rcond() const { return factor_->lu.rcond(); }
+template <class T>
+void LuOf<T>::solve(const Eigen::Ref<const Vector>& b, Eigen::Ref<Vector> x) const {
+  const auto& lu = factor_->lu;
+  x.noalias() = lu.permutationP() * b;
+  lu.matrixLU().template triangularView<Eigen::UnitLower>().solveInPlace(x);
+  lu.matrixLU().template triangularView<Eigen::Upper>().solveInPlace(x);
+}
+
+template <class T>
+bool LuOf<T>::regular() const {
+  const Matrix& lu = factor_->lu.matrixLU();
+  for (Eigen::Index k = 0; k < lu.rows(); ++k)
+    if (lu(k, k) == T(0)) return false;
+  return lu.allFinite();
+}
+template <class T>
+typename LuOf<T>::Vector LuOf<T>::pivots() const {
+  return factor_->lu.matrixLU().diagonal();
+}
+template <class T>
+int LuOf<T>::permutation_sign() const {
+  return factor_->lu.permutationP().determinant() < 0 ? -1 : 1;
+}
+template <class T>
+double LuOf<T>::rcond() const {
+  return factor_->lu.rcond();
+}
+
+template class LuOf<double>;
+template class LuOf<std::complex<double>>;
 
 }  // namespace espalier::dense

@@ -24,15 +24,19 @@ using ConstRef = Eigen::Ref<const MatrixXd>;
 [[nodiscard]] MatrixXd transposed_times(const ConstRef& a, const ConstRef& b);
 [[nodiscard]] VectorXcd real_times_complex(const ConstRef& a, const VectorXcd& b);
 
-/// Eigenvalues, ascending, and eigenvectors as columns.
-struct Spectrum {
+/// Real eigenvalues, ascending, and eigenvectors as columns.
+template <class T>
+struct SpectrumOf {
   VectorXd values;
-  MatrixXd vectors;
+  Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic> vectors;
 };
+using Spectrum = SpectrumOf<double>;
 
-/// A x = l x for a symmetric A (n x n, the lower triangle is read); vectors are orthonormal.
+/// A x = l x for a symmetric or Hermitian A (n x n, the lower triangle is read); vectors are orthonormal.
 [[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a);
+[[nodiscard]] SpectrumOf<std::complex<double>> symmetric_eigen(const MatrixXcd& a);
 [[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXd& a);
+[[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXcd& a);
 [[nodiscard]] Eigen::Vector3d principal_values(const Eigen::Matrix3d& a);
 /// Values, ascending, and directions of length 1 as columns, of a symmetric tensor.
 struct PrincipalAxes {
@@ -138,22 +142,29 @@ void solve_adjoint_upper(const MatrixXcd& u, VectorXcd& x);
 /// x with A X = B for a symmetric positive definite A. @return false, and X as it was, where A is not
 [[nodiscard]] bool solve_definite(const MatrixXd& a, MatrixXd& x);
 
-/// P A = L U with pivoting by rows.
-class Lu {
+/// P A = L U with pivoting by rows. @tparam T  double or std::complex<double>
+template <class T>
+class LuOf {
  public:
-  Lu();
-  explicit Lu(const MatrixXd& a);
-  ~Lu();
-  Lu(Lu&&) noexcept;
-  Lu& operator=(Lu&&) noexcept;
+  using Matrix = Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>;
+  using Vector = Eigen::Matrix<T, Eigen::Dynamic, 1>;
 
-  void compute(const MatrixXd& a);
-  /// A^-1 B. @pre computed, without a zero pivot
-  [[nodiscard]] MatrixXd solve(const MatrixXd& b) const;
+  LuOf();
+  explicit LuOf(const Matrix& a);
+  ~LuOf();
+  LuOf(LuOf&&) noexcept;
+  LuOf& operator=(LuOf&&) noexcept;
+
+  void compute(const Matrix& a);
+  /// A^-1 B, A^-T B. @pre computed, without a zero pivot
+  [[nodiscard]] Matrix solve(const Matrix& b) const;
+  [[nodiscard]] Matrix solve_transposed(const Matrix& b) const;
   /// x = A^-1 b without an allocation; b and x must not overlap
-  void solve(const Eigen::Ref<const VectorXd>& b, Eigen::Ref<VectorXd> x) const;
+  void solve(const Eigen::Ref<const Vector>& b, Eigen::Ref<Vector> x) const;
+  /// Whether all numbers of L and U are finite, and no pivot is zero.
+  [[nodiscard]] bool regular() const;
   /// Diagonal of U.
-  [[nodiscard]] VectorXd pivots() const;
+  [[nodiscard]] Vector pivots() const;
   /// The sign of the permutation P: 1 or -1.
   [[nodiscard]] int permutation_sign() const;
   /// Estimate of the reciprocal condition in the 1-norm.
@@ -163,5 +174,6 @@ class Lu {
   struct Factor;
   std::unique_ptr<Factor> factor_;
 };
+using Lu = LuOf<double>;
 
 }  // namespace espalier::dense

@@ -9,8 +9,17 @@ Spectrum symmetric_eigen(const MatrixXd& a) {
   return {eigen.eigenvalues(), eigen.eigenvectors()};
 }
 
+SpectrumOf<std::complex<double>> symmetric_eigen(const MatrixXcd& a) {
+  const Eigen::SelfAdjointEigenSolver<MatrixXcd> eigen(a);
+  return {eigen.eigenvalues(), eigen.eigenvectors()};
+}
+
 VectorXd symmetric_eigenvalues(const MatrixXd& a) {
   return Eigen::SelfAdjointEigenSolver<MatrixXd>(a, Eigen::EigenvaluesOnly).eigenvalues();
+}
+
+VectorXd symmetric_eigenvalues(const MatrixXcd& a) {
+  return Eigen::SelfAdjointEigenSolver<MatrixXcd>(a, Eigen::EigenvaluesOnly).eigenvalues();
 }
 
 Eigen::Vector3d principal_values(const Eigen::Matrix3d& a) {

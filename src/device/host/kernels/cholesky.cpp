@@ -14,6 +14,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace cholesky {
 
 /// The factors of one block column of kTileColumns<T> columns as the rows below need them.
 template <class T>
@@ -164,12 +165,15 @@ void fill(Kernels<T>& table) {
   table.potrf = potrf<T>;
   table.partial_potrf = partial_potrf<T>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace cholesky
+
+ESPALIER_FILL_KERNELS(cholesky)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_cholesky)
+ESPALIER_KERNEL_PART(cholesky)
 #endif

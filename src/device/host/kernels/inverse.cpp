@@ -12,6 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace inverse {
 
 /// How the entries of the lower triangular factor L are found: L(i, j) at p[i * row + j * column], where one of the
 /// strides is 1.
@@ -140,12 +141,15 @@ void fill(Kernels<T>& table) {
   table.invert_lower = invert_lower<T>;
   table.invert_upper_transposed = invert_upper_transposed<T>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace inverse
+
+ESPALIER_FILL_KERNELS(inverse)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_inverse)
+ESPALIER_KERNEL_PART(inverse)
 #endif

@@ -25,39 +25,39 @@ void fill_inverse(Kernels<T>& table, bool hermitian);
 
 }  // namespace espalier::device::host
 
-/// In the anonymous namespace of a part's source, where fill<T, kConjugate>(table) fills its entries: what is exported
-/// of it.
-#define ESPALIER_FILL_KERNELS                                                                       \
-  void fill_double(Kernels<double>& table, bool) { fill<double, false>(table); }                    \
-  void fill_float(Kernels<float>& table, bool) { fill<float, false>(table); }                       \
-  void fill_complex_double(Kernels<std::complex<double>>& table, bool hermitian) {                  \
-    hermitian ? fill<std::complex<double>, true>(table) : fill<std::complex<double>, false>(table); \
-  }                                                                                                 \
-  void fill_complex_float(Kernels<std::complex<float>>& table, bool hermitian) {                    \
-    hermitian ? fill<std::complex<float>, true>(table) : fill<std::complex<float>, false>(table);   \
+/// In the anonymous namespace of a part's source, where part::fill<T, kConjugate>(table) fills its entries: what is
+/// exported of it.
+#define ESPALIER_FILL_KERNELS(part)                                                                             \
+  void part##_double(Kernels<double>& table, bool) { part::fill<double, false>(table); }                        \
+  void part##_float(Kernels<float>& table, bool) { part::fill<float, false>(table); }                           \
+  void part##_complex_double(Kernels<std::complex<double>>& table, bool hermitian) {                            \
+    hermitian ? part::fill<std::complex<double>, true>(table) : part::fill<std::complex<double>, false>(table); \
+  }                                                                                                             \
+  void part##_complex_float(Kernels<std::complex<float>>& table, bool hermitian) {                              \
+    hermitian ? part::fill<std::complex<float>, true>(table) : part::fill<std::complex<float>, false>(table);   \
   }
 
-/// The end of a part's source, inside `#if HWY_ONCE`: `part`, for the instruction set of this processor.
-#define ESPALIER_KERNEL_PART(part)                                  \
-  namespace espalier::device::host {                                \
-  HWY_EXPORT(fill_double);                                          \
-  HWY_EXPORT(fill_float);                                           \
-  HWY_EXPORT(fill_complex_double);                                  \
-  HWY_EXPORT(fill_complex_float);                                   \
-  template <>                                                       \
-  void part(Kernels<double>& table, bool hermitian) {               \
-    HWY_DYNAMIC_DISPATCH(fill_double)(table, hermitian);            \
-  }                                                                 \
-  template <>                                                       \
-  void part(Kernels<float>& table, bool hermitian) {                \
-    HWY_DYNAMIC_DISPATCH(fill_float)(table, hermitian);             \
-  }                                                                 \
-  template <>                                                       \
-  void part(Kernels<std::complex<double>>& table, bool hermitian) { \
-    HWY_DYNAMIC_DISPATCH(fill_complex_double)(table, hermitian);    \
-  }                                                                 \
-  template <>                                                       \
-  void part(Kernels<std::complex<float>>& table, bool hermitian) {  \
-    HWY_DYNAMIC_DISPATCH(fill_complex_float)(table, hermitian);     \
-  }                                                                 \
+/// The end of a part's source, inside `#if HWY_ONCE`: fill_<part>, for the instruction set of this processor.
+#define ESPALIER_KERNEL_PART(part)                                         \
+  namespace espalier::device::host {                                       \
+  HWY_EXPORT(part##_double);                                               \
+  HWY_EXPORT(part##_float);                                                \
+  HWY_EXPORT(part##_complex_double);                                       \
+  HWY_EXPORT(part##_complex_float);                                        \
+  template <>                                                              \
+  void fill_##part(Kernels<double>& table, bool hermitian) {               \
+    HWY_DYNAMIC_DISPATCH(part##_double)(table, hermitian);                 \
+  }                                                                        \
+  template <>                                                              \
+  void fill_##part(Kernels<float>& table, bool hermitian) {                \
+    HWY_DYNAMIC_DISPATCH(part##_float)(table, hermitian);                  \
+  }                                                                        \
+  template <>                                                              \
+  void fill_##part(Kernels<std::complex<double>>& table, bool hermitian) { \
+    HWY_DYNAMIC_DISPATCH(part##_complex_double)(table, hermitian);         \
+  }                                                                        \
+  template <>                                                              \
+  void fill_##part(Kernels<std::complex<float>>& table, bool hermitian) {  \
+    HWY_DYNAMIC_DISPATCH(part##_complex_float)(table, hermitian);          \
+  }                                                                        \
   }  // namespace espalier::device::host

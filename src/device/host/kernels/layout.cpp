@@ -14,6 +14,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace layout {
 
 /// The lanes below `rows` of x (which may be negative), zero elsewhere.
 template <class T>
@@ -146,12 +147,15 @@ void fill(Kernels<T>& table) {
   table.scale_columns = scale_columns<T, kConjugate>;
   table.column_max = column_max<T>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace layout
+
+ESPALIER_FILL_KERNELS(layout)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_layout)
+ESPALIER_KERNEL_PART(layout)
 #endif

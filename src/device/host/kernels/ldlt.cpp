@@ -18,6 +18,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace ldlt {
 
 /// Columns that are eliminated before the trailing matrix is updated by a product.
 inline constexpr std::int64_t kStep = 16;
@@ -269,12 +270,15 @@ void fill(Kernels<T>& table) {
   table.ldlt = ldlt<T, kConjugate>;
   table.partial_ldlt = partial_ldlt<T, kConjugate>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace ldlt
+
+ESPALIER_FILL_KERNELS(ldlt)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_ldlt)
+ESPALIER_KERNEL_PART(ldlt)
 #endif

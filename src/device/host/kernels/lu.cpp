@@ -17,6 +17,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace lu {
 
 /// A front under elimination by block columns of kPanel columns, left-looking.
 template <class T>
@@ -216,12 +217,15 @@ void fill(Kernels<T>& table) {
   table.getrf = getrf<T>;
   table.partial_getrf = partial_getrf<T>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace lu
+
+ESPALIER_FILL_KERNELS(lu)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_lu)
+ESPALIER_KERNEL_PART(lu)
 #endif

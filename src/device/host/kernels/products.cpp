@@ -12,6 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace products {
 
 /// Depth of one pass over C: a row group of 24 x 160 doubles and its column panels stay in a 48 KiB first-level cache.
 inline constexpr std::int64_t kDepth = 160;
@@ -68,12 +69,15 @@ void fill(Kernels<T>& table) {
   table.syrk_nt = syrk_nt<T, kConjugate>;
   table.trmm_nt = trmm_nt<T, kConjugate>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace products
+
+ESPALIER_FILL_KERNELS(products)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_products)
+ESPALIER_KERNEL_PART(products)
 #endif

@@ -12,6 +12,7 @@
 HWY_BEFORE_NAMESPACE();
 namespace espalier::device::host::HWY_NAMESPACE {
 namespace {
+namespace substitution {
 
 /// y(rows of one panel) -= or = A x over `n` columns.
 template <class T, bool kAssign>
@@ -223,12 +224,15 @@ void fill(Kernels<T>& table) {
   table.apply_lower = apply_lower<T>;
   table.apply_lower_transposed = apply_lower_transposed<T, kConjugate>;
 }
-ESPALIER_FILL_KERNELS
+
+}  // namespace substitution
+
+ESPALIER_FILL_KERNELS(substitution)
 
 }  // namespace
 }  // namespace espalier::device::host::HWY_NAMESPACE
 HWY_AFTER_NAMESPACE();
 
 #if HWY_ONCE
-ESPALIER_KERNEL_PART(fill_substitution)
+ESPALIER_KERNEL_PART(substitution)
 #endif
