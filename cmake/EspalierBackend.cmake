@@ -2,9 +2,9 @@
 # The module device_<folder> of src/device/<folder>, and an entry in the registry: the folder defines
 # `const Backend& espalier::device::<folder>::backend()`. NAME: as Options::device calls it (by default the folder's name).
 # IF: a variable; where it is off, nothing is built, and a user who asks for the name reads ABSENT. CUDA sources (*.cu) are
-# compiled where the folder has them. APART: as for espalier_module().
+# compiled where the folder has them. APART, COLD, HOT: as for espalier_module().
 function(espalier_backend folder)
-  cmake_parse_arguments(ARG "APART" "NAME;IF;ABSENT" "SUBFOLDERS;DEPENDS;LIBRARIES" ${ARGN})
+  cmake_parse_arguments(ARG "APART;COLD" "NAME;IF;ABSENT" "SUBFOLDERS;DEPENDS;LIBRARIES;HOT" ${ARGN})
   if(NOT ARG_NAME)
     set(ARG_NAME ${folder})
   endif()
@@ -12,10 +12,13 @@ function(espalier_backend folder)
     set_property(GLOBAL APPEND_STRING PROPERTY ESPALIER_BACKENDS_ABSENT "    {\"${ARG_NAME}\", \"${ARG_ABSENT}\"},\n")
     return()
   endif()
-  if(ARG_APART)
-    set(apart APART)
-  endif()
-  espalier_module(device_${folder} ${apart} FOLDER device/${folder} SUBFOLDERS ${ARG_SUBFOLDERS} DEPENDS out_of_core ${ARG_DEPENDS}
+  set(flags)
+  foreach(flag APART COLD)
+    if(ARG_${flag})
+      list(APPEND flags ${flag})
+    endif()
+  endforeach()
+  espalier_module(device_${folder} ${flags} HOT ${ARG_HOT} FOLDER device/${folder} SUBFOLDERS ${ARG_SUBFOLDERS} DEPENDS out_of_core ${ARG_DEPENDS}
     LIBRARIES ${ARG_LIBRARIES})
   espalier_cuda_sources(device_${folder} device/${folder})
   set_property(GLOBAL APPEND PROPERTY ESPALIER_BACKENDS ${folder})

@@ -1,7 +1,7 @@
 # espalier_module(name FOLDER folder SUBFOLDERS names... GENERATED sources... DEPENDS other modules... LIBRARIES external targets...)
 # One static library espalier_<name> per folder src/<folder> (by default src/<name>), made of all sources in that folder and
 # in the sub-folders that SUBFOLDERS names; or, with GENERATED, of these sources alone.
-# A build from nothing compiles them together, unless APART is given. COLD and HOT: espalier_cold().
+# A build from nothing compiles them together, unless APART is given. COLD and HOT: espalier_cold(). WARM: all at -O2.
 # A module sees the headers of the modules below it as "module/header.hpp".
 cmake_host_system_information(RESULT memory QUERY TOTAL_PHYSICAL_MEMORY)  # MB
 cmake_host_system_information(RESULT cores QUERY NUMBER_OF_LOGICAL_CORES)
@@ -167,7 +167,7 @@ function(espalier_all_together target)
 endfunction()
 
 function(espalier_module name)
-  cmake_parse_arguments(ARG "APART;COLD" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES;HOT" ${ARGN})
+  cmake_parse_arguments(ARG "APART;COLD;WARM" "FOLDER" "SUBFOLDERS;GENERATED;DEPENDS;LIBRARIES;HOT" ${ARGN})
   if(NOT ARG_FOLDER)
     set(ARG_FOLDER ${name})
   endif()
@@ -196,6 +196,9 @@ function(espalier_module name)
   if(ARG_COLD)
     list(TRANSFORM ARG_HOT REPLACE "(.+)" "${CMAKE_CURRENT_SOURCE_DIR}/${ARG_FOLDER}/\\1.cpp")
     espalier_cold(espalier_${name} HOT ${ARG_HOT})
+  endif()
+  if(ARG_WARM)
+    target_compile_options(espalier_${name} PRIVATE $<$<AND:$<COMPILE_LANGUAGE:CXX>,$<CONFIG:Release>>:-O2>)
   endif()
   if(NOT ARG_APART)
     espalier_all_together(espalier_${name} ${sources})
