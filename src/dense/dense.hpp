@@ -70,14 +70,14 @@ struct SingularValues {
 /// @param a m x n
 [[nodiscard]] SingularValues singular_values(const MatrixXd& a);
 
-/// Values, descending, and V alone, by divide and conquer: for hundreds of columns.
+/// Values, descending, and V alone: for hundreds of columns.
 struct RightSingularVectors {
   VectorXd values;  ///< min(m, n)
   MatrixXd v;       ///< n x n
 };
 
 [[nodiscard]] RightSingularVectors right_singular_vectors(const MatrixXd& a);
-/// The v of length 1 for which |A v| is least. @param a m x n, n at least 1
+/// The v of length 1 for which |A v| is least. @param a square, n at least 1
 [[nodiscard]] VectorXcd last_right_singular_vector(const MatrixXcd& a);
 
 /// The rotation R nearest to A, in the sum of squares: A = R S with a symmetric S.
