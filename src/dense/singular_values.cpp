@@ -89,9 +89,11 @@ SingularValues singular_values(const MatrixXd& a) {
 
 // The eigenvectors of A^T A, which know values to half of the digits; rotations give the others.
 RightSingularVectors right_singular_vectors(const MatrixXd& a) {
-  MatrixXd v = symmetric_eigen(transposed_times(a, a)).vectors, x = times(a, v);
+  const double scale = a.size() == 0 ? 0 : a.cwiseAbs().maxCoeff();
+  const MatrixXd scaled = scale > 0 ? MatrixXd(a / scale) : a;
+  MatrixXd v = symmetric_eigen(transposed_times(scaled, scaled)).vectors, x = times(scaled, v);
   rotate_to_orthogonal(x, v);
-  const VectorXd length = x.colwise().norm().transpose();
+  const VectorXd length = scale * x.colwise().norm().transpose();
   std::vector<Eigen::Index> order(static_cast<std::size_t>(length.size()));
   std::iota(order.begin(), order.end(), Eigen::Index{0});
   std::sort(order.begin(), order.end(), [&](Eigen::Index i, Eigen::Index j) { return length[i] > length[j]; });
