@@ -332,7 +332,7 @@ Inertia Border<T>::inertia() const {
   for_each_entry<T>(mean, [&](T& x, Eigen::Index r, Eigen::Index c) {
     x = (s(r, c) + base::conjugate(s(c, r))) / 2.0 * scale[r] * scale[c];
   });
-  const VectorXd values = dense::symmetric_eigenvalues(mean);
+  const VectorXd values = dense::hermitian_eigenvalues(mean);
   const double zero =
       4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
   for (const double v : values) ++(std::abs(v) <= zero ? of_s.zero : v > 0 ? of_s.positive : of_s.negative);

@@ -35,7 +35,7 @@ template <class T>
 Factors<T> symmetric_factors(const CoreOf<T>& c, [[maybe_unused]] bool hermitian) {
   if constexpr (base::ScalarTraits<T>::is_complex)
     if (!hermitian) return by_singular_values(c);
-  return dense::symmetric_eigen(c);
+  return dense::hermitian_eigen(c);
 }
 
 /// @param factors  `stride` apart

@@ -32,11 +32,14 @@ struct SpectrumOf {
 };
 using Spectrum = SpectrumOf<double>;
 
-/// A x = l x for a symmetric or Hermitian A (n x n, the lower triangle is read); vectors are orthonormal.
+/// A x = l x for a symmetric A (n x n, the lower triangle is read); vectors are orthonormal.
 [[nodiscard]] Spectrum symmetric_eigen(const MatrixXd& a);
-[[nodiscard]] SpectrumOf<std::complex<double>> symmetric_eigen(const MatrixXcd& a);
 [[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXd& a);
-[[nodiscard]] VectorXd symmetric_eigenvalues(const MatrixXcd& a);
+/// The same for a Hermitian A, too. @tparam T  double or std::complex<double>
+template <class T>
+[[nodiscard]] SpectrumOf<T> hermitian_eigen(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& a);
+template <class T>
+[[nodiscard]] VectorXd hermitian_eigenvalues(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& a);
 [[nodiscard]] Eigen::Vector3d principal_values(const Eigen::Matrix3d& a);
 /// Values, ascending, and directions of length 1 as columns, of a symmetric tensor.
 struct PrincipalAxes {

@@ -4,23 +4,25 @@
 
 namespace espalier::dense {
 
-Spectrum symmetric_eigen(const MatrixXd& a) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXd> eigen(a);
+template <class T>
+SpectrumOf<T> hermitian_eigen(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& a) {
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>> eigen(a);
   return {eigen.eigenvalues(), eigen.eigenvectors()};
 }
 
-SpectrumOf<std::complex<double>> symmetric_eigen(const MatrixXcd& a) {
-  const Eigen::SelfAdjointEigenSolver<MatrixXcd> eigen(a);
-  return {eigen.eigenvalues(), eigen.eigenvectors()};
+template <class T>
+VectorXd hermitian_eigenvalues(const Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>& a) {
+  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix<T, Eigen::Dynamic, Eigen::Dynamic>>;
+  return Solver(a, Eigen::EigenvaluesOnly).eigenvalues();
 }
 
-VectorXd symmetric_eigenvalues(const MatrixXd& a) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXd>(a, Eigen::EigenvaluesOnly).eigenvalues();
-}
+template Spectrum hermitian_eigen(const MatrixXd&);
+template SpectrumOf<std::complex<double>> hermitian_eigen(const MatrixXcd&);
+template VectorXd hermitian_eigenvalues(const MatrixXd&);
+template VectorXd hermitian_eigenvalues(const MatrixXcd&);
 
-VectorXd symmetric_eigenvalues(const MatrixXcd& a) {
-  return Eigen::SelfAdjointEigenSolver<MatrixXcd>(a, Eigen::EigenvaluesOnly).eigenvalues();
-}
+Spectrum symmetric_eigen(const MatrixXd& a) { return hermitian_eigen(a); }
+VectorXd symmetric_eigenvalues(const MatrixXd& a) { return hermitian_eigenvalues(a); }
 
 Eigen::Vector3d principal_values(const Eigen::Matrix3d& a) {
   return Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(a, Eigen::EigenvaluesOnly).eigenvalues();
