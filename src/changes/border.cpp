@@ -8,45 +8,13 @@
 
 #include "base/at.hpp"
 #include "changes/change_work.hpp"
+#include "changes/dense_entries.hpp"
 
 namespace espalier::changes {
 
 namespace {
 
 using Eigen::VectorXd;
-
-template <class T>
-using MatrixOf = typename Border<T>::Matrix;
-
-// Loops over entries, here and below, take a compiler less than Eigen's expressions of two scalars.
-template <class T, class Use>
-void for_each_entry(MatrixOf<T>& a, const Use& use) {
-  for (Eigen::Index c = 0; c < a.cols(); ++c)
-    for (Eigen::Index r = 0; r < a.rows(); ++r) use(a(r, c), r, c);
-}
-
-template <class T>
-VectorXd largest_of_rows(MatrixOf<T>& a) {
-  VectorXd largest = VectorXd::Zero(a.rows());
-  for_each_entry<T>(a,
-                    [&](const T& x, Eigen::Index r, Eigen::Index) { largest[r] = std::max(largest[r], std::abs(x)); });
-  return largest;
-}
-
-template <class T>
-MatrixOf<T> scaled_rows(const VectorXd& by, MatrixOf<T> a) {
-  for_each_entry<T>(a, [&](T& x, Eigen::Index r, Eigen::Index) { x *= by[r]; });
-  return a;
-}
-
-/// The rows and columns of a list.
-template <class T>
-MatrixOf<T> chosen(const MatrixOf<T>& a, const std::vector<Index>& list) {
-  const auto n = static_cast<Eigen::Index>(list.size());
-  MatrixOf<T> made(n, n);
-  for_each_entry<T>(made, [&](T& x, Eigen::Index r, Eigen::Index c) { x = a(list[at(r)], list[at(c)]); });
-  return made;
-}
 
 constexpr std::size_t kKept = 64;  // members that are not active, whose columns stay
 constexpr Index kRightSlot = 8, kCorrectionSlot = 9;
@@ -62,10 +30,9 @@ T product(const SparseVector<T>& w, const T* y) {
 
 /// W Y for rows W and vectors y of the base's memory.
 template <class T>
-MatrixOf<T> products_of(const Base<T>& base, const std::vector<const SparseVector<T>*>& rows, const T* y,
-                        Index columns) {
+Dense<T> products_of(const Base<T>& base, const std::vector<const SparseVector<T>*>& rows, const T* y, Index columns) {
   const Offset n = base.order();
-  MatrixOf<T> made(static_cast<Eigen::Index>(rows.size()), columns);
+  Dense<T> made(static_cast<Eigen::Index>(rows.size()), columns);
   std::vector<T> found;
   if (!base.on_host()) {
     std::vector<Offset> places;
@@ -232,7 +199,7 @@ void Border<T>::keep_few() {
     left.push_back(static_cast<Index>(k));
     kept.push_back(std::move(members_[k]));
   }
-  products_ = chosen<T>(products_, left);
+  products_ = chosen(products_, left);
   members_ = std::move(kept);
 }
 
@@ -246,14 +213,14 @@ void Border<T>::take(const Base<T>& base, std::vector<Member> made) {
   for (const Member& m : made) new_rows.push_back(&m.row);
   rows.insert(rows.end(), new_rows.begin(), new_rows.end());
   Matrix all(before + more, before + more);
-  for_each_entry<T>(products_, [&](const T& x, Eigen::Index r, Eigen::Index c) { all(r, c) = x; });
+  for_each_entry(products_, [&](const T& x, auto r, auto c) { all(r, c) = x; });
   const auto multiply = [&](const std::vector<Member>& of, const std::vector<const SparseVector<T>*>& by,
                             Eigen::Index first_row, Eigen::Index first_column) {
     for_each_run(of, [&](std::size_t begin, std::size_t end) {
       const T* z = of[begin].block.get() + Offset{of[begin].place} * base.order();
       const auto count = static_cast<Index>(end - begin);
       Matrix products = products_of(base, by, z, count);
-      for_each_entry<T>(products, [&](const T& x, Eigen::Index r, Eigen::Index c) {
+      for_each_entry(products, [&](const T& x, auto r, auto c) {
         all(first_row + r, first_column + static_cast<Eigen::Index>(begin) + c) = x;
       });
     });
@@ -311,8 +278,8 @@ T Border<T>::corner(std::size_t row, std::size_t column) const {
 template <class T>
 typename Border<T>::Matrix Border<T>::complement() const {
   constexpr double kRounding = 4 * std::numeric_limits<double>::epsilon();
-  Matrix s = chosen<T>(products_, active_);
-  for_each_entry<T>(s, [&](T& entry, Eigen::Index r, Eigen::Index c) {
+  Matrix s = chosen(products_, active_);
+  for_each_entry(s, [&](T& entry, auto r, auto c) {
     const T d = corner(at(r), at(c));
     const double terms = std::abs(d) + std::abs(entry);
     entry = d - entry;
@@ -326,12 +293,11 @@ Inertia Border<T>::inertia() const {
   Inertia of_s{0, 0, 0};
   Matrix s = complement();
   if (s.rows() == 0) return of_s;
-  VectorXd scale = largest_of_rows<T>(s);
+  VectorXd scale = largest_of_rows(s);
   for (double& x : scale) x = x > 0 && std::isfinite(x) ? std::ldexp(1.0, -std::ilogb(x) / 2) : 1.0;
   Matrix mean(s.rows(), s.rows());
-  for_each_entry<T>(mean, [&](T& x, Eigen::Index r, Eigen::Index c) {
-    x = (s(r, c) + base::conjugate(s(c, r))) / 2.0 * scale[r] * scale[c];
-  });
+  for_each_entry(mean,
+                 [&](T& x, auto r, auto c) { x = (s(r, c) + base::conjugate(s(c, r))) / 2.0 * scale[r] * scale[c]; });
   const VectorXd values = dense::hermitian_eigenvalues(mean);
   const double zero =
       4 * static_cast<double>(values.size()) * std::numeric_limits<double>::epsilon() * values.cwiseAbs().maxCoeff();
@@ -348,20 +314,20 @@ bool Border<T>::factorize_once() {
   if (k == 0) return true;
   smallest_ = 0;
   if (!s.allFinite()) return false;
-  const VectorXd before = largest_of_rows<T>(s);
+  const VectorXd before = largest_of_rows(s);
   row_ = before;
   for (double& x : row_) x = inverse_power_of_two(x);
-  s = scaled_rows<T>(row_, std::move(s));
+  s = scaled_rows(row_, std::move(s));
   col_ = VectorXd::Zero(k);
-  for_each_entry<T>(s, [&](const T& x, Eigen::Index, Eigen::Index c) { col_[c] = std::max(col_[c], std::abs(x)); });
+  for_each_entry(s, [&](const T& x, auto, auto c) { col_[c] = std::max(col_[c], std::abs(x)); });
   for (double& x : col_) x = inverse_power_of_two(x);
-  for_each_entry<T>(s, [&](T& x, Eigen::Index, Eigen::Index c) { x *= col_[c]; });
+  for_each_entry(s, [&](T& x, auto, auto c) { x *= col_[c]; });
   factor_.compute(s);
   // Where a pivot is zero, the estimate of the condition may come out finite.
   if (!factor_.regular()) return false;
   const double least = 4 * static_cast<double>(k) * std::numeric_limits<double>::epsilon();
-  s = chosen<T>(products_, active_);
-  const VectorXd terms = largest_of_rows<T>(s);
+  s = chosen(products_, active_);
+  const VectorXd terms = largest_of_rows(s);
   smallest_ = factor_.rcond();
   if (!(smallest_ > least)) return false;
   for (Eigen::Index r = 0; r < k; ++r)
@@ -386,8 +352,8 @@ bool Border<T>::factorize(Base<T>& base) {
 template <class T>
 typename Border<T>::Matrix Border<T>::solve(const Matrix& right, bool turned) const {
   if (active_.empty()) return right;
-  if (turned) return scaled_rows<T>(row_, factor_.solve_transposed(scaled_rows<T>(col_, right)));
-  return scaled_rows<T>(col_, factor_.solve(scaled_rows<T>(row_, right)));
+  if (turned) return scaled_rows(row_, factor_.solve_transposed(scaled_rows(col_, right)));
+  return scaled_rows(col_, factor_.solve(scaled_rows(row_, right)));
 }
 
 template <class T>

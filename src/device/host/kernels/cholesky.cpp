@@ -165,9 +165,7 @@ void fill(Kernels<T>& table) {
   table.potrf = potrf<T>;
   table.partial_potrf = partial_potrf<T>;
 }
-
 }  // namespace cholesky
-
 ESPALIER_FILL_KERNELS(cholesky)
 
 }  // namespace

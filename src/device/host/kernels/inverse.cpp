@@ -141,9 +141,7 @@ void fill(Kernels<T>& table) {
   table.invert_lower = invert_lower<T>;
   table.invert_upper_transposed = invert_upper_transposed<T>;
 }
-
 }  // namespace inverse
-
 ESPALIER_FILL_KERNELS(inverse)
 
 }  // namespace

@@ -147,9 +147,7 @@ void fill(Kernels<T>& table) {
   table.scale_columns = scale_columns<T, kConjugate>;
   table.column_max = column_max<T>;
 }
-
 }  // namespace layout
-
 ESPALIER_FILL_KERNELS(layout)
 
 }  // namespace

@@ -270,9 +270,7 @@ void fill(Kernels<T>& table) {
   table.ldlt = ldlt<T, kConjugate>;
   table.partial_ldlt = partial_ldlt<T, kConjugate>;
 }
-
 }  // namespace ldlt
-
 ESPALIER_FILL_KERNELS(ldlt)
 
 }  // namespace

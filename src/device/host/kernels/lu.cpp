@@ -217,9 +217,7 @@ void fill(Kernels<T>& table) {
   table.getrf = getrf<T>;
   table.partial_getrf = partial_getrf<T>;
 }
-
 }  // namespace lu
-
 ESPALIER_FILL_KERNELS(lu)
 
 }  // namespace

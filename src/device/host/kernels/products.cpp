@@ -69,9 +69,7 @@ void fill(Kernels<T>& table) {
   table.syrk_nt = syrk_nt<T, kConjugate>;
   table.trmm_nt = trmm_nt<T, kConjugate>;
 }
-
 }  // namespace products
-
 ESPALIER_FILL_KERNELS(products)
 
 }  // namespace

@@ -224,9 +224,7 @@ void fill(Kernels<T>& table) {
   table.apply_lower = apply_lower<T>;
   table.apply_lower_transposed = apply_lower_transposed<T, kConjugate>;
 }
-
 }  // namespace substitution
-
 ESPALIER_FILL_KERNELS(substitution)
 
 }  // namespace
