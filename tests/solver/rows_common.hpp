@@ -61,7 +61,7 @@ double expect_bits_of_whole(SolverType& s, const RowsCase<Value>& given, Index n
   return r.share;
 }
 
-/// Of one load, the unknown where it acts, and what is told of the factor. Truth: the whole solution. @return it
+/// One load, the unknown where it acts, and what is told of the factor. Truth: the whole solution. @return it
 inline double expect_one_row(Solver& s, Index n) {
   const std::vector<Offset> one = {0, 1};
   const std::vector<Index> row = {4}, wanted = {4};
