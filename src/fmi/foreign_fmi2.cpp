@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <cstdarg>
-#include <cstdio>
 #include <cstdlib>
 
 #include "espalier/types.hpp"

@@ -1,7 +1,5 @@
 // What can be asked of rigid shapes in contact.
 #include <algorithm>
-#include <cmath>
-#include <limits>
 
 #include "dynamics/contact/rigid_contact.hpp"
 

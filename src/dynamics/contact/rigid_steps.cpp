@@ -2,7 +2,6 @@
 // touched on the way, and the speed with which they met.
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "dynamics/contact/rigid_contact.hpp"
 

@@ -1,6 +1,5 @@
 // What can be asked of a solid in contact.
 #include <algorithm>
-#include <cmath>
 
 #include "dynamics/contact/solid_contact.hpp"
 

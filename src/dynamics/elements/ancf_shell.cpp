@@ -1,7 +1,5 @@
 #include "dynamics/elements/ancf_shell.hpp"
 
-#include <algorithm>
-
 #include "dynamics/elements/lanes/ancf_shell_block.hpp"
 #include "dynamics/elements/solid.hpp"
 

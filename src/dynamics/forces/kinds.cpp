@@ -1,5 +1,4 @@
 // Springs, bushings and loads.
-#include <stdexcept>
 
 #include "dynamics/bodies/rotation.hpp"
 #include "dynamics/forces/coordinate_force.hpp"

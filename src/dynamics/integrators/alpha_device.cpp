@@ -3,7 +3,6 @@
 // state and what the method remembers once a step. So it can go on from there at any time: with the first step, steps
 // of a new length and those that may search, which are always its own, and where the GPU has failed.
 #include <algorithm>
-#include <cmath>
 
 #include "base/at.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"

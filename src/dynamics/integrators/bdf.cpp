@@ -1,7 +1,6 @@
 #include "dynamics/integrators/bdf.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <stdexcept>
 #include <tuple>

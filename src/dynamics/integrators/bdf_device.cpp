@@ -3,8 +3,6 @@
 // a step. Where a step needs more than the reduced iteration (a factor that is turned, a singular position), or the GPU
 // has gone, they are the host's again.
 #include <algorithm>
-#include <cmath>
-#include <stdexcept>
 
 #include "dynamics/integrators/bdf.hpp"
 

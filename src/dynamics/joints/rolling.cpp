@@ -1,7 +1,5 @@
 #include "dynamics/joints/rolling.hpp"
 
-#include <cmath>
-
 namespace espalier::dynamics {
 
 namespace {

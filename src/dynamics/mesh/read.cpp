@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <filesystem>
-
 #include "dynamics/mesh/deck/deck.hpp"
 #include "dynamics/mesh/file_elements.hpp"
 #include "dynamics/mesh/file_source.hpp"

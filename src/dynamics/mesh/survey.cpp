@@ -7,7 +7,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <unordered_map>
 
 #include "dynamics/mesh/face_functions.hpp"
 #include "dynamics/mesh/names.hpp"

@@ -10,9 +10,6 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
-#include <filesystem>
-#include <fstream>
-#include <stdexcept>
 
 #include "base/output_file.hpp"
 #include "espalier/types.hpp"

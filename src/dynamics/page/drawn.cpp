@@ -2,8 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <cmath>
-
 #include "base/at.hpp"
 #include "dynamics/contact/geometry/outline.hpp"
 #include "dynamics/model/output/scene.hpp"

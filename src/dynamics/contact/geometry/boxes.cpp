@@ -1,5 +1,4 @@
 // Two boxes.
-#include <array>
 #include <cmath>
 #include <limits>
 

@@ -1,5 +1,4 @@
 // What of a shape lies next to a point.
-#include <array>
 #include <cmath>
 
 #include "dynamics/contact/geometry/narrow.hpp"

@@ -6,7 +6,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <random>
 #include <utility>
 
 #include "base/at.hpp"

@@ -1,7 +1,6 @@
 #include "dynamics/integrators/statics/relaxation.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 #include "dynamics/integrators/newton_limits.hpp"
 

@@ -4,7 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "dynamics/mesh/deck/inp_loads.hpp"
 #include "dynamics/mesh/deck/point_algebra.hpp"

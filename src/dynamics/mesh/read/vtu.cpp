@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <bit>
-#include <cstring>
 #include <limits>
 #include <map>
 #include <stdexcept>

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "base/output_file.hpp"
 #include "dynamics/bodies/beam_axis.hpp"

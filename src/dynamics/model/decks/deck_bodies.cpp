@@ -3,10 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <deque>
-#include <numeric>
 #include <set>
 
 #include "base/at.hpp"

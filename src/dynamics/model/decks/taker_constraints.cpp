@@ -1,5 +1,4 @@
 // Springs, equations, ties and couplings of a deck.
-#include <cmath>
 #include <limits>
 
 #include "dynamics/mesh/deck/point_algebra.hpp"

@@ -2,7 +2,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
 
 #include "dynamics/joints/node_equations.hpp"
 #include "dynamics/model/assembly/shell_body.hpp"

@@ -1,7 +1,5 @@
 #include "dynamics/model/fields/envelopes.hpp"
 
-#include <cmath>
-
 #include "dynamics/model/fields/field_quantity.hpp"
 #include "dynamics/model/fields/field_request.hpp"
 

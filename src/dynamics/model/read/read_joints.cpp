@@ -1,9 +1,6 @@
 // The sections [markers], [joints] and [forces].
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
-
 #include "dynamics/model/description.hpp"
 #include "dynamics/model/force_kinds/kind.hpp"
 #include "dynamics/model/frames/names.hpp"

@@ -1,7 +1,6 @@
 // Bodies without elements: rigid ones, and points.
 #include <fmt/format.h>
 
-#include <cmath>
 #include <utility>
 
 #include "dynamics/contact/geometry/surface_inertia.hpp"
