@@ -2,7 +2,6 @@
 // With one: the same systems through host arrays and through device arrays, judged by an independent residual.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 

@@ -4,10 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <random>
 #include <string>
 #include <tuple>
-#include <utility>
 #include <vector>
 
 #include "solver/changed_values.hpp"

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <filesystem>
-#include <tuple>
 
 #include "solver/changed_values.hpp"
 

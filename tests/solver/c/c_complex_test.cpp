@@ -5,7 +5,6 @@
 #include <Eigen/Dense>
 #include <complex>
 #include <cstring>
-#include <random>
 #include <vector>
 
 #include "solver/c/c_handle.hpp"

@@ -6,7 +6,6 @@
 #include <Eigen/Dense>
 #include <complex>
 #include <filesystem>
-#include <random>
 #include <string>
 #include <vector>
 

@@ -2,7 +2,6 @@
 // numbers far from 1 must do no worse than numbers around 1.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <string>
