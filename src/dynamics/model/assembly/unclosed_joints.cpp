@@ -14,13 +14,13 @@ namespace {
 constexpr double kOpen = 1e-7;  // of the size of an equation's terms: far above rounding
 
 /// Operations of one step in the search for the nearest positions, which is dense; 0: there is nothing to search.
-double work_of(const System& system) {
+double search_work(const System& system) {
   const double n = system.sizes().velocity, m = system.sizes().constraints;
   return m * m * n;
 }
 bool is_small(const System& system) {
   constexpr double kMostWork = 1e8;  // of some hundred steps: ten seconds
-  return system.sizes().constraints > 0 && work_of(system) <= kMostWork;
+  return system.sizes().constraints > 0 && search_work(system) <= kMostWork;
 }
 
 bool is_length(const JointRow::Term& term) {
@@ -52,7 +52,7 @@ class Closing {
     // One joint left open, the others closed: does that explain it?
     constexpr double kMostTried = 24, kMostWork = 2e8;
     std::vector<const Joint*> tried = suspects(all);
-    const auto most = static_cast<std::size_t>(std::clamp(kMostWork / work_of(mechanism_.system), 1.0, kMostTried));
+    const auto most = static_cast<std::size_t>(std::clamp(kMostWork / search_work(mechanism_.system), 1.0, kMostTried));
     if (tried.size() > most) tried.resize(most);
     for (const Joint* joint : tried) {
       const NearestPositions found = nearest_positions(mechanism_.system, t, state_.q, weights_, rows_of(*joint));

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 constexpr const char* kLibrary = "espalier_fmu.so";
 constexpr const char* kLicenses = "espalier_fmu_licenses";
 
-[[noreturn]] void refuse(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
+[[noreturn]] void refuse_library(const std::string& what) { throw Error(StatusCode::invalid_input, what); }
 
 /// The program or library that this code is part of.
 fs::path own_file() {
@@ -47,13 +47,14 @@ LoadedLibrary load_library(const std::string& path, int flags) {
   LoadedLibrary handle(::dlopen(path.c_str(), RTLD_LAZY | RTLD_LOCAL | flags));
   if (handle) return handle;
   const char* why = ::dlerror();
-  refuse(fmt::format("{}: the library of FMUs cannot be loaded: {}", path, why == nullptr ? "no reason given" : why));
+  refuse_library(
+      fmt::format("{}: the library of FMUs cannot be loaded: {}", path, why == nullptr ? "no reason given" : why));
 }
 
 const link_map& map_of(const LoadedLibrary& library) {
   link_map* map = nullptr;
   if (::dlinfo(library.get(), RTLD_DI_LINKMAP, &map) != 0 || map == nullptr)
-    refuse("the system does not tell where libraries lie");
+    refuse_library("the system does not tell where libraries lie");
   return *map;
 }
 
@@ -73,7 +74,7 @@ std::vector<std::string> needed_by(const link_map& map) {
 std::string find_fmu_library(const std::string& given) {
   std::error_code error;
   if (!given.empty()) {
-    if (!fs::is_regular_file(given, error)) refuse(fmt::format("{}: there is no such library of FMUs", given));
+    if (!fs::is_regular_file(given, error)) refuse_library(fmt::format("{}: there is no such library of FMUs", given));
     return given;
   }
   const fs::path folder = own_file().parent_path();
@@ -83,7 +84,7 @@ std::string find_fmu_library(const std::string& given) {
        {".", "../..", "../lib/espalier", "../lib64/espalier", "lib", "../lib", "../espalier/lib", "../../espalier/lib"})
     if (const fs::path at = folder / place / kLibrary; fs::is_regular_file(at, error))
       return fs::canonical(at, error).string();
-  refuse(
+  refuse_library(
       fmt::format("{} is not there, beside {} or in the library folder of an installation; build it (cmake --build "
                   "build/release --target espalier_fmu), or name it (--library PATH, FmuOptions::library)",
                   kLibrary, folder.string()));
@@ -113,7 +114,7 @@ std::vector<std::pair<std::string, std::string>> fmu_licenses(const std::string&
     found.emplace_back(it->path().filename().string(), it->path().string());
   std::sort(found.begin(), found.end());
   if (std::none_of(found.begin(), found.end(), [](const auto& f) { return f.first == "license.txt"; }))
-    refuse(
+    refuse_library(
         fmt::format("{}: the licences of the library of FMUs are not there, which go into each of them; the build and "
                     "installations lay them beside the library",
                     folder.string()));
