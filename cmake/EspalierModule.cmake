@@ -154,7 +154,7 @@ function(espalier_check_together target)
 endfunction()
 
 # All sources of a target together, but for those with definitions of their own and those that say
-# SKIP_UNITY_BUILD_INCLUSION.
+# SKIP_UNITY_BUILD_INCLUSION. Those of tests are LARGE.
 # espalier_all_together(target sources...)
 function(espalier_all_together target)
   set(plain)
@@ -166,8 +166,12 @@ function(espalier_all_together target)
     endif()
   endforeach()
   list(LENGTH plain length)
+  set(large)
+  if(target MATCHES "^test_")
+    set(large LARGE)
+  endif()
   if(length GREATER 1)
-    espalier_together(${target} sources SOURCES ${plain})
+    espalier_together(${target} sources ${large} SOURCES ${plain})
   endif()
 endfunction()
 
