@@ -77,8 +77,8 @@ endfunction()
 
 # Compiles sources of a target together, as few files (ESPALIER_FROM_SCRATCH): their headers are read and their templates
 # made once. Sources with the same options go together, up to 200 kB (half a minute of a compiler), or, with LARGE, up to
-# 700 kB where few cores have much memory each: such a piece takes a compiler 3.6 GB, and two thirds of the time of four.
-# Eigen's expressions gain nothing from it. Names in their anonymous namespaces must differ; a clash is an error of the compiler.
+# 700 kB where few cores have much memory each: such a piece takes a compiler 3.6 GB, and two thirds of the time of seven small ones.
+# Rooms full of Eigen's expressions take longer that way. Names in their anonymous namespaces must differ; a clash is an error of the compiler.
 # ESPALIER_APART names those whose sources somebody edits: they stay files of their own (-DESPALIER_APART="reading;building").
 # VECTORS: each source is read once per instruction set by Highway; then all of them are, and they share its headers.
 # espalier_together(target name [LARGE] [VECTORS] OPTIONS options... SOURCES files...), files relative to the current folder.
