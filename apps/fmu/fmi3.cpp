@@ -1,5 +1,4 @@
 // The functions of FMI 3.0.
-#include <array>
 
 #include "component.hpp"
 

@@ -10,7 +10,6 @@
 #include <cmath>
 #include <cstring>
 #include <nlohmann/json.hpp>
-#include <utility>
 
 #include "command.hpp"
 #include "common/checked_options.hpp"
