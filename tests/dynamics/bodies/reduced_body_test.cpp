@@ -3,7 +3,6 @@
 
 #include <Eigen/Dense>
 #include <cmath>
-#include <numbers>
 
 #include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/integrators/bdf.hpp"

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <numbers>
 
 #include "dynamics/contact/held_system.hpp"
 #include "dynamics/contact/solid_contact.hpp"

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numeric>
 
 #include "dynamics/dae/function_system.hpp"
 #include "espalier/dae.hpp"

@@ -3,8 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <limits>
-#include <numbers>
 
 #include "dynamics/model/model_common.hpp"
 #include "espalier/sensitivities.hpp"

@@ -1,8 +1,6 @@
 // The vectors of generalized-alpha on a GPU, most often an emulated one. Truth: the host.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "dynamics/device/device_run.hpp"
 #include "dynamics/integrators/generalized_alpha.hpp"
 #include "dynamics/model/built_model.hpp"

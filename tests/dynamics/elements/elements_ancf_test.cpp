@@ -1,5 +1,4 @@
 // ANCF cable, beam and shell: finite differences, frame indifference, rigid modes, mass.
-#include <memory>
 
 #include "dynamics/elements/ancf_beam.hpp"
 #include "dynamics/elements/ancf_cable.hpp"

@@ -1,7 +1,6 @@
 // Truth: central differences of the functions themselves, at states that satisfy nothing in particular.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 #include <random>
 

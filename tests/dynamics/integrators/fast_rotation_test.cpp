@@ -1,8 +1,6 @@
 // Generalized-alpha with steps that turn stiff things far: the predictor stretches them.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/dae/assembled_system.hpp"
 #include "dynamics/forces/frame_force.hpp"

@@ -1,7 +1,6 @@
 // Joints between rigid bodies are written out; the general way through frames is the second implementation.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <functional>
 #include <limits>
 #include <random>

@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <cstring>
-#include <numbers>
 
 #include "dynamics/mesh/mesh_files.hpp"
 #include "dynamics/mesh/read/formats.hpp"

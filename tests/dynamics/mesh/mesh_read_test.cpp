@@ -1,6 +1,5 @@
 // Mesh readers: files written here in every dialect, mistakes in them, and real meshes where they are present.
 #include <cstdint>
-#include <cstring>
 
 #include "dynamics/elements/groups.hpp"
 #include "dynamics/mesh/mesh_files.hpp"

@@ -1,6 +1,5 @@
 // What is said of a mesh. Truth: a cube and a tetrahedron by hand, curved faces by a closed form, faults put in.
 #include <cmath>
-#include <numbers>
 
 #include "dynamics/mesh/mesh_files.hpp"
 #include "dynamics/mesh/names.hpp"

@@ -1,7 +1,6 @@
 // Parametric parts: volume, closedness, connectivity, size control, face sets.
 #include <gtest/gtest.h>
 
-#include <chrono>
 #include <cmath>
 #include <functional>
 #include <numbers>

@@ -1,9 +1,6 @@
 // Every kind of body, joint and force through the text. Truth: closed forms of statics; degrees of freedom by counting.
 #include <gtest/gtest.h>
 
-#include <cmath>
-#include <numbers>
-
 #include "dynamics/model/model_common.hpp"
 
 namespace espalier::dynamics {

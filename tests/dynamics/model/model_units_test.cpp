@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <numbers>
-#include <set>
 
 #include "dynamics/model/model_common.hpp"
 #include "dynamics/model/read/expand.hpp"

@@ -1,6 +1,5 @@
 #include "dynamics/reference/andrews.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <vector>
 

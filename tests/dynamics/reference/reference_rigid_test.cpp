@@ -3,7 +3,6 @@
 
 #include <cmath>
 #include <ctime>
-#include <numbers>
 
 #include "dynamics/bodies/rigid_body.hpp"
 #include "dynamics/constraints/redundancy.hpp"
