@@ -6,8 +6,8 @@
 #include <functional>
 #include <vector>
 
-#include "base/thread_pool.hpp"
 #include "base/lazy_vector.hpp"
+#include "base/thread_pool.hpp"
 #include "dynamics/dae/system.hpp"
 #include "dynamics/device/device_vectors.hpp"
 

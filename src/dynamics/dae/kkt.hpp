@@ -146,12 +146,12 @@ class KktSolver {
   // Positions in K of each entry of Phi_q: in the lower left and in the upper right block; of each entry of F_lambda.
   std::vector<Offset> phi_position_, right_position_, f_lambda_position_;
   std::unique_ptr<DeviceMatrix> device_;
-  std::unique_ptr<DeviceVectors> vectors_;     // of device_
-  bool w_on_device_ = false;                   // W of the factor lies there alone
-  bool scale_on_device_ = false;               // the scales of the factor lie there, too
-  std::vector<Offset> host_entries_;           // positions in W
-  std::vector<Offset> rest_;                   // positions in K outside W, ascending
-  base::LazyVector<double> rest_values_;  // what stands there, on its way to the GPU
+  std::unique_ptr<DeviceVectors> vectors_;  // of device_
+  bool w_on_device_ = false;                // W of the factor lies there alone
+  bool scale_on_device_ = false;            // the scales of the factor lie there, too
+  std::vector<Offset> host_entries_;        // positions in W
+  std::vector<Offset> rest_;                // positions in K outside W, ascending
+  base::LazyVector<double> rest_values_;    // what stands there, on its way to the GPU
 };
 
 }  // namespace espalier::dynamics

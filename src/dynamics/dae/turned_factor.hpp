@@ -14,8 +14,8 @@
 #include <functional>
 #include <vector>
 
-#include "base/thread_pool.hpp"
 #include "base/lazy_vector.hpp"
+#include "base/thread_pool.hpp"
 #include "dense/dense.hpp"
 #include "dynamics/dae/system.hpp"
 
@@ -56,7 +56,7 @@ class TurnedFactor {
   SparsePattern change_;         // D by rows, of the constraints kept; E is its transpose
   std::vector<double> change_values_;
   base::LazyVector<double> y_0_;  // K_0^-1 [0; I]: made once for a factor
-  Eigen::MatrixXd g_;                  // n + m rows, first the columns of E, then y_0
+  Eigen::MatrixXd g_;             // n + m rows, first the columns of E, then y_0
   dense::Lu core_;
   Eigen::MatrixXd core_matrix_;  // V^T G
   bool active_ = false;
