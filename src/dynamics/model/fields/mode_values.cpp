@@ -56,9 +56,9 @@ void ModeValues::add(const std::vector<double>& shape, SimulationMode& mode) con
   std::vector<std::complex<double>> y(fields_.size());
   observer_->observe(0, -1, x.data(), y.data());
   for (std::size_t i = 0; i < fields_.size(); ++i) mode.values.emplace_back(fields_[i].name, y[i].real());
-  constexpr double kStep = 1e-6;  // of the extent: slender bodies stretch with the square of their turns
+  constexpr double kShareOfExtent = 1e-6;  // of the extent: slender bodies stretch with the square of their turns
   for (const Quantity& q : energies_)
-    mode.values.emplace_back(q.name, energy(q, unit, kStep * (extent > 0 ? extent : 1)));
+    mode.values.emplace_back(q.name, energy(q, unit, kShareOfExtent * (extent > 0 ? extent : 1)));
 }
 
 }  // namespace espalier::dynamics::model

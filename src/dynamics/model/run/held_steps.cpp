@@ -27,13 +27,13 @@ void HeldSteps::step(const State& s) {
 
 std::optional<std::string> HeldSteps::notice() const {
   constexpr long kManySteps = 3000, kManyTurns = 200;
-  constexpr double kFewest = 2.5, kMost = 1000;  // steps of a period
+  constexpr double kFewestSteps = 2.5, kMostSteps = 1000;  // of a period
   if (steps_ < kManySteps) return std::nullopt;
   const auto c = std::max_element(coordinates_.begin(), coordinates_.end(),
                                   [](const Coordinate& a, const Coordinate& b) { return a.way < b.way; });
   if (c == coordinates_.end() || c->turns < kManyTurns) return std::nullopt;
   const double periods = 0.5 * static_cast<double>(c->turns), each = static_cast<double>(steps_) / periods;
-  if (each < kFewest || each > kMost) return std::nullopt;
+  if (each < kFewestSteps || each > kMostSteps) return std::nullopt;
   return fmt::format(
       "the {} steps follow a vibration of about {:.2g} per unit of time, with {:.0f} steps a period: where it does not "
       "matter, set [integrator] max_order = 2 and absolute_velocity = {:.1g} (what may be lost of speeds, which reach "
