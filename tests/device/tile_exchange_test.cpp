@@ -223,19 +223,22 @@ TEST(TileExchange, LateMessagesInAnyOrderAndFewAtATime) {
 
 // How many messages leave at a time does not depend on how many ranks get each.
 TEST(TileExchange, AMessageToManyRanksIsOneMessage) {
+  constexpr int kAttempts = 5;  // on a busy machine the ranks may take turns, and no two messages are open at a time
   const System system({"elasticity", "8", "7", "7"}, Kind::llt, 5);
   const TileMessages messages(system.plan, system.kind, system.tables);
-  std::mutex mutex;
-  std::deque<LateSends> late;
-  const auto ends = on_ranks(
-      system, {}, 60, 64, [](Rank& rank) { rank.factorize(1); },
-      [&](const Table& table) {
-        const std::lock_guard lock(mutex);
-        return late.emplace_back(table, messages, 4).table();
-      });
   std::size_t most = 0;
-  for (const LateSends& of_rank : late) most = std::max(most, of_rank.most());
-  for (const Status& end : ends) EXPECT_TRUE(end.ok()) << end.message;
+  for (int k = 0; k < kAttempts && most < 2; ++k) {
+    std::mutex mutex;
+    std::deque<LateSends> late;
+    const auto ends = on_ranks(
+        system, {}, 60, 64, [](Rank& rank) { rank.factorize(1); },
+        [&](const Table& table) {
+          const std::lock_guard lock(mutex);
+          return late.emplace_back(table, messages, 4).table();
+        });
+    for (const LateSends& of_rank : late) most = std::max(most, of_rank.most());
+    for (const Status& end : ends) ASSERT_TRUE(end.ok()) << end.message;
+  }
   EXPECT_GE(most, 2U);  // were it receivers, one is the most
 }
 
