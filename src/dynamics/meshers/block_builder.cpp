@@ -19,6 +19,9 @@ constexpr int kNode[20][3] = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0,
 // Element face (order of Abaqus) on the sides u0, u1, v0, v1, w0, w1.
 constexpr int kFace[6] = {5, 3, 2, 4, 0, 1};
 
+// A node farther away than so many cells has no digits left to be told from its neighbours by.
+constexpr double kMostCells = 0x1p50;
+
 std::uint64_t cell_key(std::int64_t x, std::int64_t y, std::int64_t z) {
   // Three large odd multipliers mix the coordinates; collisions only cost comparisons.
   return static_cast<std::uint64_t>(x) * 0x9E3779B97F4A7C15ULL ^ static_cast<std::uint64_t>(y) * 0xC2B2AE3D27D4EB4FULL ^
@@ -38,6 +41,12 @@ BlockBuilder::BlockBuilder(std::string name, ElementType type, double tolerance,
 Index BlockBuilder::node(const Point& p) {
   // A cell is much larger than the tolerance; a point near a cell's border is looked for in the neighbour too.
   const double size = 16 * tolerance_;
+  for (const double x : p)
+    if (!(std::abs(x) < kMostCells * size))
+      throw std::invalid_argument(fmt::format(
+          "mesher '{}': a node at {:.3g} m, while nodes nearer than {:.3g} m are one: the lengths of the part "
+          "lie too far apart",
+          mesh_.name, x, tolerance_));
   std::array<std::int64_t, 3> low{}, high{};
   for (std::size_t i = 0; i < 3; ++i) {
     low[i] = static_cast<std::int64_t>(std::floor((p[i] - tolerance_) / size));

@@ -330,6 +330,10 @@ TEST_F(MeshOther, VtuTextAndMistakes) {
   wrong(">4<", ">5<", 2, "offset 0 is 5");
   wrong(">10<", ">71<", 1, "VTK type 71");
   wrong("NumberOfPoints=\"4\"", "NumberOfPoints=\"400000000000\"", 2, "announces 400000000000 points");
+  wrong("</Piece>", "</Piece></Piece>", 2, "</Piece> without <Piece>");
+  wrong("</Points><Cells>", "</Points></Piece><Cells>", 2, "announces 1 cells; 0 offsets");
+  wrong("<Piece ", "<Points><DataArray type=\"Float32\"/></Points><Piece ", 1, "Points outside <Piece>");
+  wrong("<Piece ", "<Piece NumberOfPoints=\"0\"><Piece ", 1, "<Piece> within another");
   wrong("UnstructuredGrid\">", "PolyData\">", 1, "'PolyData' is not read");
   wrong("<VTKFile ", "<VTKFile compressor=\"vtkLZ4DataCompressor\" ", 1, "vtkLZ4DataCompressor");
 }

@@ -88,6 +88,7 @@ class VtuReader {
   }
 
   void begin_piece(const XmlTags::Tag& tag) {
+    if (in_piece_) tags_.fail("a <Piece> within another");
     in_piece_ = !tag.empty;
     points_ = number(tag, "NumberOfPoints", 0);
     cells_ = number(tag, "NumberOfCells", 0);
@@ -98,6 +99,7 @@ class VtuReader {
   }
 
   void end_piece() {
+    if (!in_piece_) tags_.fail("</Piece> without <Piece>");
     in_piece_ = false;
     if (mesh_.nodes.size() != first_point_ + points_)
       tags_.fail(
@@ -129,6 +131,7 @@ class VtuReader {
     const bool group =
         (section_ == "CellData" || section_ == "PointData") && type != nullptr && !type->real && components == 1;
     if (section_ != "Points" && section_ != "Cells" && !group) return;
+    if (!in_piece_) tags_.fail(fmt::format("{} outside <Piece>", section_));
     if (type == nullptr) tags_.fail(fmt::format("data of type '{}' are not read", tag.get("type").substr(0, 40)));
     if (section_ == "Points") return add_points(reals(tag, *type));
     if (type->real) tags_.fail(fmt::format("'{}' must be whole numbers, not {}", name.substr(0, 40), type->name));
