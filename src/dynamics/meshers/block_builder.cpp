@@ -122,7 +122,7 @@ Mesh BlockBuilder::finish() {
   const std::vector<SmallestJacobian> found = smallest_jacobians(mesh_, {}, pool_);
   for (std::size_t e = 0; e < found.size(); ++e)
     if (const double det = found[e].corners; !(det > 0))
-      throw std::logic_error(
+      throw std::invalid_argument(
           fmt::format("mesher '{}': element {} has the Jacobian determinant {:.3g}; its shape "
                       "parameters do not make a valid part",
                       mesh_.name, e + 1, det));

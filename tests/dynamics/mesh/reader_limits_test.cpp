@@ -166,6 +166,36 @@ TEST(ReaderLimits, NumbersThatTakeMemory) {
   }
 }
 
+/// Every length of every part next to nothing. Truth: a part, or an error that is the model's and not ours.
+TEST(ReaderLimits, LengthsNextToNothing) {
+  const std::vector<std::pair<std::string, std::vector<std::string>>> parts = {
+      {"block", {"lx", "ly", "lz"}},
+      {"connecting-rod",
+       {"length", "big_inner", "big_outer", "small_inner", "small_outer", "shank_big", "shank_small", "thickness"}},
+      {"chain-link", {"pitch", "inner", "outer", "waist", "thickness"}},
+      {"crank",
+       {"throw_radius", "journal_radius", "pin_radius", "web_big", "web_small", "web_neck", "journal_length",
+        "web_thickness", "pin_length"}},
+      {"guide", {"lead", "radius", "angle", "height", "width"}},
+      {"bladed-rotor",
+       {"bore_radius", "shaft_radius", "disc_radius", "tip_radius", "shaft_length", "disc_thickness", "bearing_length",
+        "disc_position", "blade_fraction"}},
+      {"spur-gear", {"module", "pressure_angle", "width", "bore_radius"}},
+      {"tyre", {"radius", "section_radius", "thickness", "opening"}}};
+  for (const auto& [part, keys] : parts)
+    for (const std::string& key : keys)
+      for (const char* length : {"1e-12", "1e-300"}) {
+        Simulation simulation{SimulationOptions{}};
+        const std::string text = fmt::format(
+            "{}[bodies.part]\ntype = \"solid\"\nmaterial = {{ young = 1e9, poisson = 0.3, density = 1000 }}\n"
+            "mesh = {{ part = \"{}\", unknowns = 500, {} = {} }}\n",
+            kPendulum, part, key, length);
+        Status status;
+        EXPECT_NO_THROW(status = simulation.load_text(text, "model.toml")) << part << ' ' << key << ' ' << length;
+        if (!status.ok()) EXPECT_TRUE(status.message.find("part") != std::string::npos) << status.message;
+      }
+}
+
 /// Names with * in a contact. Truth: each is answered at once, with the letters that fit.
 TEST(ReaderLimits, PatternsOfSurfaces) {
   const auto model = [](const std::string& name, const std::string& pattern) {
