@@ -192,7 +192,7 @@ TEST(ReaderLimits, LengthsNextToNothing) {
             kPendulum, part, key, length);
         Status status;
         EXPECT_NO_THROW(status = simulation.load_text(text, "model.toml")) << part << ' ' << key << ' ' << length;
-        if (!status.ok()) EXPECT_TRUE(status.message.find("part") != std::string::npos) << status.message;
+        EXPECT_TRUE(status.ok() || status.message.find("part") != std::string::npos) << status.message;
       }
 }
 
