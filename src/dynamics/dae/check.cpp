@@ -224,6 +224,9 @@ class Checker {
 
 }  // namespace
 
-JacobianCheck check_jacobians(System& system, const State& s) { return Checker(system, s).run(); }
+JacobianCheck check_jacobians(System& system, const State& s) {
+  system.update_pattern(s.q);
+  return Checker(system, s).run();
+}
 
 }  // namespace espalier::dynamics

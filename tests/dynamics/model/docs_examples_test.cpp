@@ -12,17 +12,6 @@ namespace docs_examples_test {
 
 const std::string kPage = (espalier::test::source_folder() / "docs/guide/forces.md").string();
 
-/// The fenced blocks of a page in one language.
-std::vector<std::string> blocks(const std::string& page, const std::string& language) {
-  std::vector<std::string> result;
-  const std::string fence = "```" + language + "\n";
-  for (std::size_t at = page.find(fence); at != std::string::npos; at = page.find(fence, at)) {
-    at += fence.size();
-    result.push_back(page.substr(at, page.find("```", at) - at));
-  }
-  return result;
-}
-
 SimulationOptions tightened(const char* relative, const char* absolute, const char* of_velocity) {
   SimulationOptions options;
   options.set = {std::string("integrator.relative=") + relative, std::string("integrator.absolute=") + absolute,

@@ -22,6 +22,17 @@ inline std::string content_of(const std::string& path) {
   return out.str();
 }
 
+/// The fenced blocks of a page in one language.
+inline std::vector<std::string> blocks(const std::string& page, const std::string& language) {
+  std::vector<std::string> result;
+  const std::string fence = "```" + language + "\n";
+  for (std::size_t at = page.find(fence); at != std::string::npos; at = page.find(fence, at)) {
+    at += fence.size();
+    result.push_back(page.substr(at, page.find("```", at) - at));
+  }
+  return result;
+}
+
 /// The pendulum of the examples: released at rest from the horizontal at distance 1 from its hinge, gravity 10, mass 2.
 inline const std::string kPendulum = content_of((espalier::test::source_folder() / "examples/pendulum.toml").string());
 
