@@ -47,10 +47,11 @@ void add_mesh(CLI::App& app, Action& action);
 void add_reduce(CLI::App& app, Action& action);
 void add_robot(CLI::App& app, Action& action);
 void add_generate(CLI::App& app, Action& action);
-/// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it and
-/// add_report() say how to get them.
+/// argc and argv: for the record of what was asked. In a build without benchmarks (absent/bench.cpp) it,
+/// add_report() and add_evidence() say how to get them.
 void add_bench(CLI::App& app, int argc, const char* const* argv, Action& action);
 void add_report(CLI::App& app, Action& action);
+void add_evidence(CLI::App& app, Action& action);
 void add_fetch_matrix(CLI::App& app, Action& action);
 void add_info(CLI::App& app, Action& action);
 void add_examples(CLI::App& app, Action& action);

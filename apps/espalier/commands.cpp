@@ -19,6 +19,7 @@ void add_commands(CLI::App& app, int argc, const char* const* argv, Action& acti
   add_generate(app, action);
   add_bench(app, argc, argv, action);
   add_report(app, action);
+  add_evidence(app, action);
   add_fetch_matrix(app, action);
   add_run(app, action);
   add_mpi_adapter(app, action);

@@ -209,6 +209,12 @@ class Report(Cli):
         self.assertTrue(claims)
         self.assertLessEqual(set(claims), anchors)
 
+    def test_the_figures_of_the_pages_are_those_of_the_results(self):
+        result = self.run_cli("evidence", "--source", ROOT)
+        self.assertEqual(result.returncode, 0, result.stdout + result.stderr)
+        self.assertIn("are those of their results", result.stdout)
+        self.expect(2, "evidence", "--source", self.folder, says="no scripts/figures.py there")
+
     def test_text_in_results_cannot_break_the_page(self):
         document = json.loads(pathlib.Path(RESULTS[0]).read_text())
         document["rows"][0]["system"] = '<script>alert("x")</script>'

@@ -1,4 +1,4 @@
-// `espalier bench` and `espalier report` of a build without benchmarks (ESPALIER_EVIDENCE=OFF): how to get them.
+// `espalier bench`, `report` and `evidence` of a build without benchmarks (ESPALIER_EVIDENCE=OFF): how to get them.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -31,6 +31,11 @@ void add_report(CLI::App& app, Action& action) {
   add_absent(app, "report",
              "Make a page or Markdown tables of results of `espalier bench` (not in this build: `./run report`)",
              action);
+}
+
+void add_evidence(CLI::App& app, Action& action) {
+  add_absent(app, "evidence",
+             "Hold the figures of the pages against their results (not in this build: `./run evidence`)", action);
 }
 
 }  // namespace espalier::cli
