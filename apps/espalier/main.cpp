@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <csignal>
+#include <cstdlib>
 #include <cstring>
 #include <exception>
 #include <new>
@@ -47,6 +48,27 @@ extern "C" void end_for_lost_input(int) {
   constexpr std::string_view kText = "espalier: error: a file became shorter while it was read, or its disk failed\n";
   [[maybe_unused]] const auto written = ::write(STDERR_FILENO, kText.data(), kText.size());
   ::_exit(kBadInput);
+}
+
+/// Where no string can be made for a message any more.
+int end_for_memory() {
+  constexpr std::string_view kText = "espalier: error: the machine's memory is too small for this\n";
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, kText.data(), kText.size());
+  return kMemory;
+}
+
+std::terminate_handler usual_end = nullptr;
+
+/// nlohmann's json takes memory in its destructors: what it does not get ends the program here.
+[[noreturn]] void end_terminated() {
+  try {
+    if (const std::exception_ptr error = std::current_exception()) std::rethrow_exception(error);
+  } catch (const std::bad_alloc&) {
+    ::_exit(end_for_memory());
+  } catch (...) {  // a bug of ours
+  }
+  usual_end();
+  std::abort();
 }
 
 /// A reader that goes away, or a limit on the size of files, is an error of one write, not the end of the process. And
@@ -135,9 +157,12 @@ int run(int argc, char** argv) {
 }  // namespace espalier::cli
 
 int main(int argc, char** argv) {
+  espalier::cli::usual_end = std::set_terminate(espalier::cli::end_terminated);
   try {
     espalier::cli::prepare_streams();
     return espalier::cli::run(argc, argv);
+  } catch (const std::bad_alloc&) {
+    return espalier::cli::end_for_memory();
   } catch (...) {  // only what fails while the command line itself is set up
     return espalier::cli::kInternalError;
   }

@@ -12,6 +12,7 @@
 #include <charconv>
 #include <cstring>
 #include <system_error>
+#include <utility>
 
 namespace espalier::base {
 
@@ -95,6 +96,7 @@ OutputFile::OutputFile(std::string path, Durability durability) : path_(std::mov
   try {
     open();
   } catch (...) {
+    if (!temporary_.empty()) std::remove(temporary_.c_str());
     if (lock_ >= 0) ::close(lock_);
     throw;
   }
@@ -188,9 +190,17 @@ void OutputFile::write(std::string_view bytes) {
   }
   while (!bytes.empty()) {
     const auto part = std::min<std::size_t>(bytes.size(), std::size_t{1} << 30);
-    if (gzwrite(static_cast<gzFile>(packed_), bytes.data(), static_cast<unsigned>(part)) <= 0) fail("writing failed");
+    if (gzwrite(static_cast<gzFile>(packed_), bytes.data(), static_cast<unsigned>(part)) <= 0) abandon_packed();
     bytes.remove_prefix(part);
   }
+}
+
+void OutputFile::abandon_packed() {
+  const int reason = errno;
+  gzclose(static_cast<gzFile>(std::exchange(packed_, nullptr)));
+  if (!temporary_.empty()) std::remove(temporary_.c_str());
+  errno = reason;
+  fail("writing failed");
 }
 
 void OutputFile::commit() {

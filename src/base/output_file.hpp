@@ -42,6 +42,8 @@ class OutputFile {
 
  private:
   [[noreturn]] void fail(const char* what) const;
+  /// After a failed write. zlib goes on with what it was given where it is closed: while those bytes are still there.
+  [[noreturn]] void abandon_packed();
   void open();
   /// Opens temporary_ for a regular file `target`; the descriptor.
   int open_temporary(const std::filesystem::path& target);

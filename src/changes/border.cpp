@@ -315,10 +315,10 @@ bool Border<T>::factorize_once() {
   smallest_ = 0;
   if (!s.allFinite()) return false;
   const VectorXd before = largest_of_rows(s);
-  row_ = before;
+  row_ = VectorXd(before);  // moved in (modes/lanczos.cpp)
   for (double& x : row_) x = inverse_power_of_two(x);
   s = scaled_rows(row_, std::move(s));
-  col_ = VectorXd::Zero(k);
+  col_ = VectorXd(VectorXd::Zero(k));
   for_each_entry(s, [&](const T& x, auto, auto c) { col_[c] = std::max(col_[c], std::abs(x)); });
   for (double& x : col_) x = inverse_power_of_two(x);
   for_each_entry(s, [&](T& x, auto, auto c) { x *= col_[c]; });

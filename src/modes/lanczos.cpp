@@ -43,7 +43,8 @@ LanczosResult Lanczos::run(const LanczosOptions& options) {
   options_ = options;
   options_.block = std::min({options.block, space_.block, std::max<Index>(1, options.dimension)});
   capacity_ = std::min<Index>(space_.columns - known_ - options_.block, options_.dimension);
-  t_ = Dense::Zero(capacity_ + options_.block, capacity_ + options_.block);
+  // Moved in: where there is no memory for another size, Eigen leaves one that is assigned to with what it has freed.
+  t_ = Dense(Dense::Zero(capacity_ + options_.block, capacity_ + options_.block));
   coupling_.resize(0, 0);
   j_ = 0;
   still_ = 0;
@@ -120,11 +121,11 @@ Index Lanczos::expand(Index width) {
   t_.block(j_, j_, width, width) = (corner + corner.transpose()) / 2;
   j_ = before;
   const Index room = options_.dimension - j_;
-  coupling_ = Dense::Zero(next, before);
+  coupling_ = Dense(Dense::Zero(next, before));
   if (next > 0) coupling_.rightCols(width) = r;
   if (next == 0 && room > 0) {  // an invariant subspace: another one may hold more
     next = new_directions(j_, std::min(options_.block, room));
-    coupling_ = Dense::Zero(next, j_);
+    coupling_ = Dense(Dense::Zero(next, j_));
   }
   return next;
 }

@@ -32,6 +32,8 @@ ModesResult found_by(const MatrixView& k, const MatrixView& m, const char* secon
   if (!search) return result;
   // What was found serves the caller, too, where some are missing.
   const Status end = modes::guarded(shop, [&] { search->deliver(); });
+  if (!end.ok())  // modes without their vectors or residuals serve nobody
+    for (auto* part : {&result.eigenvalues, &result.vectors, &result.residuals, &result.error_bounds}) part->clear();
   if (result.status.ok()) result.status = end;
   if (!result.status.ok()) result.complete = false;
   return result;

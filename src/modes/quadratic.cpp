@@ -266,6 +266,10 @@ QuadraticModesResult find_quadratic_modes(const MatrixView& k, const MatrixView&
   QuadraticModesResult result;
   modes::Resources shop(options.solver);
   result.status = modes::guarded(shop, [&] { modes::QuadraticSearch(k, c, m, options, shop, result).run(); });
+  // A mode whose vector found no memory is none.
+  const std::size_t whole = result.n > 0 ? result.vectors.size() / static_cast<std::size_t>(result.n) : 0;
+  result.eigenvalues.resize(whole);
+  result.residuals.resize(whole);
   return result;
 }
 

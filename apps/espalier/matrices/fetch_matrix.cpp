@@ -9,11 +9,14 @@
 #include <fstream>
 #include <memory>
 #include <sstream>
+#include <system_error>
 
+#include "base/output_file.hpp"
 #include "command.hpp"
 #include "common/process.hpp"
 #include "common/terminal.hpp"
 #include "matrices/collection.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier::cli {
 
@@ -121,7 +124,9 @@ std::int64_t rows_in(const fs::path& file) {
 }
 
 std::string first_word(const fs::path& file) {
-  std::ifstream stream(file);
+  std::error_code absent;
+  if (!fs::exists(file, absent)) return {};
+  std::istringstream stream{std::string(matrix::FileBytes(file.string()).bytes())};
   std::string word;
   stream >> word;
   return word;
@@ -136,7 +141,9 @@ void check_sum(const fs::path& archive, const fs::path& remembered, const std::s
   if (wanted.empty() && !before.empty() && sum != before)
     fail(fmt::format("the archive's SHA-256 is {}, but the first download had {} ({}); nothing was kept", sum, before,
                      remembered.string()));
-  std::ofstream(remembered) << sum << "  " << archive.filename().string() << '\n';
+  base::OutputFile file(remembered.string());
+  file.write(fmt::format("{}  {}\n", sum, archive.filename().string()));
+  file.commit();
 }
 
 fs::path fetch(const CollectionMatrix& matrix, const FetchCommand& command) {

@@ -5,9 +5,9 @@
 
 #include <CLI/CLI.hpp>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 
+#include "base/output_file.hpp"
 #include "command.hpp"
 #include "common/process.hpp"
 #include "common/terminal.hpp"
@@ -62,7 +62,11 @@ std::string name_of_mpi(const std::string& compiler) {
 int AdapterCommand::run() const {
   const Scratch scratch;
   fs::create_directories(scratch.path() / "espalier");
-  for (const AdapterText& file : kAdapterTexts) std::ofstream(scratch.path() / file.name) << file.text;
+  for (const AdapterText& text : kAdapterTexts) {
+    base::OutputFile file((scratch.path() / text.name).string());
+    file.write(text.text);
+    file.commit();
+  }
   const fs::path to = out.empty()
                           ? fs::path(adapter_folder()) / fmt::format("espalier_mpi_{}.so", name_of_mpi(compiler))
                           : fs::path(out);

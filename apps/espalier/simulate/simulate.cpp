@@ -5,11 +5,11 @@
 #include <CLI/CLI.hpp>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <system_error>
 
+#include "base/output_file.hpp"
 #include "command.hpp"
 #include "common/checked_options.hpp"
 #include "common/progress.hpp"
@@ -211,9 +211,9 @@ int SimulateCommand::differentiate() {
   for (const std::string& notice : r.summary.notices) print_note("espalier: notice: {}\n", notice);
   if (r.summary.interrupted) print_note("espalier: stopped at t = {:g}\n", r.summary.t_end);
   if (!csv.empty()) {
-    std::ofstream file(csv);
-    file << sensitivity_csv(r);
-    if (!file.flush()) throw Error(StatusCode::invalid_input, fmt::format("cannot write '{}'", csv));
+    base::OutputFile file(csv);
+    file.write(sensitivity_csv(r));
+    file.commit();
     if (!quiet) print_result("wrote {}\n", csv);
   }
   return r.summary.interrupted ? kInterrupted : exit_code(r.status.code);

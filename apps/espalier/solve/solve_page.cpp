@@ -3,10 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <fstream>
+#include <cstdint>
+#include <filesystem>
 #include <map>
+#include <system_error>
 
 #include "common/terminal.hpp"
+#include "matrix/file.hpp"
 #include "solver/options/option_text.hpp"
 #include "solver/session/solver_impl.hpp"
 
@@ -21,11 +24,10 @@ std::string said_of(const Spy& spy, Index rows, const char* order) {
 /// How busy each thread was in each part of the time of a trace; null where there is none, or it is too long to read.
 nlohmann::ordered_json timeline_of(const std::string& file) {
   constexpr int kParts = 200;
-  constexpr std::streamoff kMostBytes = 100'000'000;
-  std::ifstream in(file, std::ios::binary | std::ios::ate);
-  if (!in || in.tellg() > kMostBytes) return nullptr;
-  in.seekg(0);
-  const auto trace = nlohmann::json::parse(in, nullptr, false);
+  constexpr std::uintmax_t kMostBytes = 100'000'000;
+  std::error_code absent;
+  if (const auto bytes = std::filesystem::file_size(file, absent); absent || bytes > kMostBytes) return nullptr;
+  const auto trace = nlohmann::json::parse(matrix::FileBytes(file).bytes(), nullptr, false);
   if (trace.is_discarded()) return nullptr;
   std::map<int, std::string> devices, names;  // by process and by thread number
   double end = 0;
@@ -100,7 +102,11 @@ Sheet solve_sheet(const RunRecord& record, nlohmann::ordered_json report, const 
     sheet.add_series("fronts", tier, fronts);
     sheet.add_series("rows of the largest front", tier, largest);
   }
-  if (!trace_file.empty() && record.status.ok()) sheet.set_timeline(timeline_of(trace_file));
+  try {
+    if (!trace_file.empty() && record.status.ok()) sheet.set_timeline(timeline_of(trace_file));
+  } catch (const Error& error) {
+    print_note("espalier: the page has no timeline: {}\n", error.what());
+  }
   return sheet;
 }
 

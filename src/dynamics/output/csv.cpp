@@ -9,6 +9,7 @@
 #include <system_error>
 
 #include "base/output_file.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -45,14 +46,24 @@ CsvWriter::CsvWriter(std::string path, std::vector<CsvColumn> columns, double ke
 }
 
 void CsvWriter::resume(const std::string& header, double keep_until) {
-  std::ifstream in(path_, std::ios::binary);
+  std::error_code absent;
+  if (!std::filesystem::exists(path_, absent)) return;
+  const matrix::FileBytes file(path_);  // one that cannot be read is no empty one
+  std::string_view rest = file.bytes();
   std::string text;
-  if (!std::getline(in, text) || in.eof()) return;  // no file, or not even a header
+  const auto next = [&] {
+    const std::size_t end = rest.find('\n');
+    if (end == std::string_view::npos) return false;
+    text = rest.substr(0, end);
+    rest.remove_prefix(end + 1);
+    return true;
+  };
+  if (!next()) return;  // not even a header
   if (text + '\n' != header)
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: the file has other columns than this run; give another folder", path_));
   kept_bytes_ = header.size();
-  while (std::getline(in, text) && !in.eof()) {
+  while (next()) {
     Line line = read_line(std::move(text), lines_ + static_cast<std::int64_t>(later_.size()) + 2);
     if (line.time > keep_until) {
       later_.push_back(std::move(line));

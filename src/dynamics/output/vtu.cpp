@@ -6,10 +6,12 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
+#include <sstream>
 #include <stdexcept>
+#include <system_error>
 
 #include "base/output_file.hpp"
+#include "matrix/file.hpp"
 
 namespace espalier::dynamics {
 namespace {
@@ -119,7 +121,9 @@ std::string PvdSeries::file_name(int part) const {
 
 std::vector<PvdSeries::DataSet> PvdSeries::listed() const {
   std::vector<DataSet> result;
-  std::ifstream in(path_);
+  std::error_code absent;
+  if (!std::filesystem::exists(path_, absent)) return result;
+  std::istringstream in{std::string(matrix::FileBytes(path_).bytes())};
   std::string line;
   while (std::getline(in, line)) {
     if (line.find("<DataSet ") == std::string::npos) continue;
