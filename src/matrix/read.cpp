@@ -80,12 +80,4 @@ AnyVectors read_any_vectors(const std::string& path, const ReadOptions& options)
   });
 }
 
-DenseVectors read_vectors(const std::string& path, const ReadOptions& options) {
-  return with_text(path, options, [&](std::string_view text, const ReadOptions& with_pool) {
-    const Source source{path, text};
-    if (text.empty()) fail(source, "the file is empty");
-    return parse_matrix_market_vectors(text, path, with_pool);
-  });
-}
-
 }  // namespace espalier::matrix

@@ -21,13 +21,11 @@ using AnyMatrix = std::variant<SparseMatrix, ComplexSparseMatrix>;
 /// The same; a complex Matrix Market file gives a complex matrix.
 AnyMatrix read_any_matrix(const std::string& path, const ReadOptions& options = {});
 
+/// Vectors of either sort of numbers: those of the file.
+using AnyVectors = std::variant<DenseVectors, ComplexVectors>;
 /// Reads right-hand sides or solutions, n x k: a Matrix Market array, or a Matrix Market coordinate file whose absent
 /// entries are zero; also packed by gzip.
 /// @throws Error(invalid_input) "path:line: what is wrong"; Error(out_of_memory)
-DenseVectors read_vectors(const std::string& path, const ReadOptions& options = {});
-
-/// Vectors of either sort of numbers: those of the file.
-using AnyVectors = std::variant<DenseVectors, ComplexVectors>;
 AnyVectors read_any_vectors(const std::string& path, const ReadOptions& options = {});
 
 /// The same of a complex file or a real one.

@@ -171,9 +171,9 @@ void QuadraticSearch::add(std::complex<double> l, VectorXcd x) {
   Eigen::Index largest = 0;
   x.cwiseAbs().maxCoeff(&largest);
   x *= std::conj(x[largest]) / (std::abs(x[largest]) * x.norm());
-  result_.eigenvalues.push_back(l);
-  result_.residuals.push_back(residual(l, x));
   result_.vectors.insert(result_.vectors.end(), x.data(), x.data() + x.size());
+  result_.residuals.push_back(residual(l, x));
+  result_.eigenvalues.push_back(l);  // last: where there is no memory for the others, it is no mode
 }
 
 void QuadraticSearch::deliver(const VectorXcd& theta, const Eigen::MatrixXcd& s,
@@ -266,10 +266,6 @@ QuadraticModesResult find_quadratic_modes(const MatrixView& k, const MatrixView&
   QuadraticModesResult result;
   modes::Resources shop(options.solver);
   result.status = modes::guarded(shop, [&] { modes::QuadraticSearch(k, c, m, options, shop, result).run(); });
-  // A mode whose vector found no memory is none.
-  const std::size_t whole = result.n > 0 ? result.vectors.size() / static_cast<std::size_t>(result.n) : 0;
-  result.eigenvalues.resize(whole);
-  result.residuals.resize(whole);
   return result;
 }
 

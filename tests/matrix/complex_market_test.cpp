@@ -87,7 +87,7 @@ TEST(ComplexMarket, WritesWhatItReads) {
     write_matrix_market_vectors(path, 2, 2, std::span<const Value>(a.values));
     const ComplexVectors v = read_complex_vectors(path);
     EXPECT_EQ(v.values, a.values);
-    EXPECT_THROW((void)read_vectors(path), Error);
+    EXPECT_TRUE(std::holds_alternative<ComplexVectors>(read_any_vectors(path)));
   }
 }
 

@@ -238,7 +238,7 @@ TEST(MatrixMarket, VectorsAreWrittenAndReadBack) {
   const std::string path = temporary("b.mtx.gz");
   const std::vector<double> b{1, -0.1, 1e-300, 1.0 / 3, 5, std::numeric_limits<double>::max()};
   write_matrix_market_vectors(path, 3, 2, b);
-  const auto read = read_vectors(path);
+  const auto read = std::get<DenseVectors>(read_any_vectors(path));
   EXPECT_EQ(read.rows, 3);
   EXPECT_EQ(read.cols, 2);
   EXPECT_EQ(read.values, b);

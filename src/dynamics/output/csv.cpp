@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
+#include <sstream>
 #include <system_error>
 
 #include "base/output_file.hpp"
@@ -46,24 +47,15 @@ CsvWriter::CsvWriter(std::string path, std::vector<CsvColumn> columns, double ke
 }
 
 void CsvWriter::resume(const std::string& header, double keep_until) {
-  std::error_code absent;
-  if (!std::filesystem::exists(path_, absent)) return;
-  const matrix::FileBytes file(path_);  // one that cannot be read is no empty one
-  std::string_view rest = file.bytes();
+  if (std::error_code absent; !std::filesystem::exists(path_, absent)) return;
+  std::istringstream in{std::string(matrix::FileBytes(path_).bytes())};  // one that cannot be read is no empty one
   std::string text;
-  const auto next = [&] {
-    const std::size_t end = rest.find('\n');
-    if (end == std::string_view::npos) return false;
-    text = rest.substr(0, end);
-    rest.remove_prefix(end + 1);
-    return true;
-  };
-  if (!next()) return;  // not even a header
+  if (!std::getline(in, text) || in.eof()) return;  // not even a header
   if (text + '\n' != header)
     throw Error(StatusCode::invalid_input,
                 fmt::format("{}: the file has other columns than this run; give another folder", path_));
   kept_bytes_ = header.size();
-  while (next()) {
+  while (std::getline(in, text) && !in.eof()) {
     Line line = read_line(std::move(text), lines_ + static_cast<std::int64_t>(later_.size()) + 2);
     if (line.time > keep_until) {
       later_.push_back(std::move(line));

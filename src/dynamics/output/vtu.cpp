@@ -121,8 +121,7 @@ std::string PvdSeries::file_name(int part) const {
 
 std::vector<PvdSeries::DataSet> PvdSeries::listed() const {
   std::vector<DataSet> result;
-  std::error_code absent;
-  if (!std::filesystem::exists(path_, absent)) return result;
+  if (std::error_code absent; !std::filesystem::exists(path_, absent)) return result;
   std::istringstream in{std::string(matrix::FileBytes(path_).bytes())};
   std::string line;
   while (std::getline(in, line)) {

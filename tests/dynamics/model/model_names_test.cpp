@@ -59,11 +59,5 @@ TEST(ModelNames, AValueWithoutARowHasNoName) {
   EXPECT_STREQ(name_of(kDeckWords, DeckKind::others), "");
 }
 
-TEST(ModelNames, ShapesOfContactsKnowTheirNames) {
-  EXPECT_STREQ(contact::shape_name(contact::PlaneShape{}), "plane");
-  EXPECT_STREQ(contact::shape_name(contact::CylinderShape{1, 1}), "cylinder");
-  EXPECT_STREQ(contact::shape_name(contact::MeshShape{}), "mesh");
-}
-
 }  // namespace
 }  // namespace espalier::dynamics::model

@@ -41,10 +41,6 @@ void check_shape(const Shape& shape) {
              shape);
 }
 
-const char* shape_name(const Shape& shape) {
-  return std::visit([](const auto& s) { return s.kName; }, shape);
-}
-
 Box box_around(const PlacedShape& p) {
   Box box;
   const auto segment = [&](double half_length, const Vec3& extent) {

@@ -13,37 +13,29 @@
 namespace espalier::dynamics::contact {
 
 /// The half space below z = 0.
-struct PlaneShape {
-  static constexpr const char* kName = "plane";
-};
+struct PlaneShape {};
 /// About the origin.
 struct SphereShape {
-  static constexpr const char* kName = "sphere";
   double radius = 0;
 };
 /// What is within `radius` of the segment from -half_length to half_length on z.
 struct CapsuleShape {
-  static constexpr const char* kName = "capsule";
   double radius = 0, half_length = 0;
 };
 /// With flat ends; axis z.
 struct CylinderShape {
-  static constexpr const char* kName = "cylinder";
   double radius = 0, half_length = 0;
 };
 struct BoxShape {
-  static constexpr const char* kName = "box";
   Vec3 half;  ///< half its edges
 };
 struct MeshShape {
-  static constexpr const char* kName = "mesh";
   std::shared_ptr<const TriangleSurface> surface;
 };
 using Shape = std::variant<PlaneShape, SphereShape, CapsuleShape, CylinderShape, BoxShape, MeshShape>;
 
 /// @throws std::invalid_argument where a length is not positive or no number, or a mesh is missing
 void check_shape(const Shape& shape);
-[[nodiscard]] const char* shape_name(const Shape& shape);
 
 /// A shape at a place. Columns of `axes`: its axes in global components.
 struct PlacedShape {
