@@ -14,6 +14,7 @@
 #include "espalier/solve_rows.hpp"
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
+#include "rounds.hpp"
 
 namespace {
 
@@ -124,11 +125,7 @@ std::vector<Case> cases() {
   return list;
 }
 
-#if defined(ESPALIER_SANITIZED)
-constexpr long kEvery = 3;  // a hundred times slower
-#else
-constexpr long kEvery = 1;
-#endif
+constexpr long kEvery = test::rounds(1L, 3L);  // a hundred times slower
 
 TEST(Allocation, EveryOneFailsOnce) {
   for (const Case& c : cases()) {
@@ -146,7 +143,8 @@ TEST(Allocation, EveryOneFailsOnce) {
     const std::vector<double> good = x;
     long failures = 0;
     Solver s(c.options);
-    for (long k = 0; k < total; k += kEvery) {
+    constexpr long kStep = test::rounds(1L, 7L);
+    for (long k = 0; k < total; k += kStep) {
       allocations_left = k;
       const StatusCode code = run(s, c, b, x);
       allocations_left = kNever;
@@ -165,7 +163,7 @@ TEST(Allocation, EveryOneFailsOnce) {
       ASSERT_EQ(run(s, c, b, x), StatusCode::ok) << "after allocation " << k;
       EXPECT_EQ(x, good);
     }
-    EXPECT_GT(failures, 20 / kEvery);
+    EXPECT_GT(failures, 20 / kStep);
   }
 }
 
@@ -274,7 +272,7 @@ TEST(Allocation, NothingStaysBehindAFailure) {
     const long total = allocations;
     ASSERT_GT(total, 50);
     // What is made once and kept may be made only now, when the other thread happens to come in time: that is no leak.
-    for (long k = 0; k < total; k += 2) {
+    for (long k = 0; k < total; k += test::rounds(2L, 11L)) {
       if (once(k) == 0) continue;
       ASSERT_EQ(once(k), 0) << "allocation " << k;
     }

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <random>
 
+#include "rounds.hpp"
 #include "solver/solver_common.hpp"
 
 namespace espalier {
@@ -214,11 +215,7 @@ TEST(CraftedAnalysis, IsRefusedOrGivesTheRightAnswer) {
     write_file(path, truth.file);
     EXPECT_FALSE(refused_or_right(path, truth)) << "the file itself";
     int refused = 0;
-#if defined(ESPALIER_SANITIZED)
-    constexpr int kCases = 200;  // a hundred times slower
-#else
-    constexpr int kCases = 500;
-#endif
+    constexpr int kCases = test::rounds(500, 80);
     for (int k = 0; k < kCases && !::testing::Test::HasFailure(); ++k) {
       SCOPED_TRACE("values " + std::to_string(static_cast<int>(values)) + ", seed " + std::to_string(k));
       write_file(path, Attacker(static_cast<std::uint64_t>(k)).change(truth.file));

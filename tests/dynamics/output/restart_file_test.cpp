@@ -10,6 +10,7 @@
 #include "dynamics/model/model_common.hpp"
 #include "dynamics/output/csv.hpp"
 #include "dynamics/output/vtu.hpp"
+#include "rounds.hpp"
 
 namespace espalier::dynamics {
 namespace restart_file_test {
@@ -44,8 +45,9 @@ TEST_F(RestartFiles, EveryFlippedBitIsSeen) {
   EXPECT_TRUE(load(kPendulum).first.ok());
   std::mt19937 random(15);
   std::vector<std::size_t> bits;
-  for (std::size_t bit = 0; bit < 8U * 64; ++bit) bits.push_back(bit);  // the head, and 300 anywhere
-  for (int k = 0; k < 300; ++k) bits.push_back(random() % (8 * content_.size()));
+  for (std::size_t bit = 0; bit < 8U * 64; bit += test::rounds(1, 5))
+    bits.push_back(bit);  // the head, and some anywhere
+  for (int k = 0; k < test::rounds(300, 60); ++k) bits.push_back(random() % (8 * content_.size()));
   for (const std::size_t bit : bits) {
     std::string damaged = content_;
     damaged[bit / 8] = static_cast<char>(damaged[bit / 8] ^ (1 << bit % 8));
@@ -94,7 +96,7 @@ TEST_F(RestartFiles, NumbersThatNoRunWrites) {
   };
   constexpr std::size_t kState = 17, kStateEnd = kState + 1 + 7 + 6 + 6 + 5;  // behind the counts: t, q, v, a, lambda
   ASSERT_GT(numbers, kStateEnd);
-  for (std::size_t k = 0; k < numbers; ++k) {
+  for (std::size_t k = 0; k < numbers; k += test::rounds(1, 3)) {
     set_number(k, std::numeric_limits<double>::quiet_NaN());
     const Status status = load(kPendulum).first;
     if (k >= kState && k < kStateEnd) {
