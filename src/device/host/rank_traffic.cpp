@@ -96,6 +96,11 @@ std::size_t RankTraffic<T>::pivot_bytes(const Pivots& p) const {
 }
 
 template <class T>
+bool RankTraffic<T>::makes_pivots(Index f, Index j) const {
+  return j < plan_.layout[f].pivot_tiles && plan::maker(plan_, f, j) == me();
+}
+
+template <class T>
 void RankTraffic<T>::put_pivots(Index f, const Pivots& p, Writer& to) const {
   const auto n = count_of(p.count);
   for (std::size_t k = 0; k < n; ++k) {  // others may be adding marks of their tiles
@@ -103,7 +108,9 @@ void RankTraffic<T>::put_pivots(Index f, const Pivots& p, Writer& to) const {
     to.write(&state, 1);
   }
   if (!p.booked) return;
-  to.write(&s_.fronts[count_of(f)], 1);
+  // Where the next column is made here, another thread may be adding to it, and nobody goes on from it elsewhere.
+  const FrontOutcome outcome = p.go_on_here ? FrontOutcome{} : s_.fronts[count_of(f)];
+  to.write(&outcome, 1);
   if (s_.kind != Kind::llt) to.write(s_.pivot_order.data() + p.position, n);
   if (s_.kind != Kind::ldlt) return;
   to.write(s_.d_inverse.data() + p.position, n);
@@ -134,7 +141,7 @@ void RankTraffic<T>::send_factor_tile(const plan::Task& task) {
   const std::vector<int> to = others(plan::keepers(plan_, f));
   if (to.empty()) return;
   const FrontLayout& l = plan_.layout[f];
-  const Pivots p{plan_.tree.first[f] + l.begin(task.j), l.width(task.j), task.i == task.j};
+  const Pivots p{plan_.tree.first[f] + l.begin(task.j), l.width(task.j), task.i == task.j, makes_pivots(f, task.j + 1)};
   const std::size_t size = count_of(padded<T>(l.width(task.i)) * l.width(task.j));
   // In ldlt the diagonal tile has one part.
   const bool second = s_.kind == Kind::lu || (s_.kind == Kind::ldlt && task.i != task.j);
@@ -152,8 +159,8 @@ void RankTraffic<T>::take_factor_tile(const Header& h, Reader from) {
   const Index f = h.front;
   const FrontLayout& l = plan_.layout[f];
   // Who makes the next column adds to what the front came to so far; all others hear of it at the end.
-  const bool go_on_here = h.column + 1 < l.pivot_tiles && plan::maker(plan_, f, h.column + 1) == me();
-  const Pivots p{plan_.tree.first[f] + l.begin(h.column), l.width(h.column), h.row == h.column, go_on_here};
+  const Pivots p{plan_.tree.first[f] + l.begin(h.column), l.width(h.column), h.row == h.column,
+                 makes_pivots(f, h.column + 1)};
   const std::size_t size = count_of(padded<T>(l.width(h.row)) * l.width(h.column));
   const bool second = s_.kind == Kind::lu || (s_.kind == Kind::ldlt && h.row != h.column);
   const Offset at = l.tile_offset(h.row, h.column);

@@ -58,6 +58,7 @@ class RankTraffic {
     bool booked;  // with what the pivoting has found
     bool go_on_here = false;
   };
+  [[nodiscard]] bool makes_pivots(Index f, Index j) const;
   [[nodiscard]] std::size_t pivot_bytes(const Pivots& p) const;
   void put_pivots(Index f, const Pivots& p, ranks::Writer& to) const;
   void get_pivots(Index f, const Pivots& p, ranks::Reader& from);
