@@ -284,6 +284,10 @@ slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:C
 slow_dynamics+=":Refinement.Elements*:Objectivity.OfAnEquilibrium:Objectivity.OfAMotionWith*:TurnedFactor.ServesMost*:Vectors.IntegratorsGive*:ContactHertz.*"
 slow_dynamics+=":StateForces.TangentsAgree*:Device*.TheHostGoesOnWherever*:HeldSteps.OfASteelBeam*:Vibrations.DampingIsTaken*"
 slow_dynamics+=":DocsExamples.TheFirstOneIsConverged:Switches.ThinWallsAreNotPassed:Erosion.BitsDoNot*:Erosion.ReleasedEnds*:Erosion.Restarted*"
+# ... and motions on emulated GPUs, of which one of each kind is left.
+slow_dynamics+=":DeviceMotion.*GoesAsOnTheHost:DeviceMotion.TurnedFactors*:DeviceMotion.TheHost*:DeviceMotion.GoesOn*"
+slow_dynamics+=":DeviceAlpha.GoesOn*:DeviceAlpha.EngineGoes*:DeviceAlpha.ChainGoes*:DeviceAlpha.StepsOfANewLength*"
+slow_dynamics+=":MotionAdjoint.OfALoop*:ModelUnits.DefaultsAre*:DocsExamples.EnergyFromNowhere*"
 
 # Tests that fork, which the thread sanitizer does not follow.
 forks="*Fork*:*fork*"
@@ -301,8 +305,12 @@ slow_modes+=":ModesBehaviour.AnotherSeedAndAnotherBlockFindTheSame:ModesBehaviou
 slow_copies="Systems/OutOfCoreFromPinnedMemory.TheSameBitsAsThroughTheRing/*:Systems/OutOfCoreSystems.AnyBudgetGivesTheAnswerInCore/1"
 slow_copies+=":Systems/OutOfCoreSystems.FactorsThatStay*/0:Systems/OutOfCoreSystems.FactorsThatStay*/1:Systems/OutOfCoreSystems.DelaysDoNot*:HaltedExecutor.*"
 
+# ... and on two of five systems; one of each kind is left.
+slow_copies+=":Systems/OutOfCore*/0:Systems/OutOfCore*/2:Systems/OutOfCoreOnDisk.HasTheBits*/1:Backends/OutOfCore.GivesTheAnswer*/host:Systems/InverseTasks.*/0"
+
 # Tests of the solver that sanitizers take more than 40 s for, of code that quicker ones pass through as well.
 slow_answers="HarmonicEdges.TheLowestFrequencyIsSingular:Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*:ExactRank.OfSystems*:ManyZeros.*"
+slow_answers+=":ComplexChange.NumbersThatStay*:ComplexChange.OfRealForms*:FactorFile.PivotsThatWereMoved*:KeptNumbers.AreThose*:KeptNumbers.KeepTheirBudget"
 # ... and those that write factors to a disk, in many budgets.
 slow_answers+=":ScratchFolder.AnyBudget*:ScratchFolder.TheBudget*:PartialOnDisk.HasTheBits*:PartialOnDisk.OfComplex*:KeptNumbers.HaveTheBits*"
 
@@ -328,7 +336,8 @@ test_asan_dynamics() {
 # Tests of the solver in which several threads work: executors, solvers beside each other, who interrupts and who watches,
 # orders that are made beside the work, factors of which a part is made. The others show no more of threads.
 threaded_solver="SolverHostDevices.*:SolverSolve.*:SolverState.*:Interrupt.*:Progress.*:Sharing.*:Clone.*:EffectiveDevice.*:ComplexSolver.*:Trace.*"
-threaded_solver+=":PartialRefactorization.*:KeptNumbers.*:AnalyzeChange.*:FollowedPlan.*:SolveRows.*:ScratchFolder.RowsAre*:FactorFile.SolvesAs*:CallSequences.*:CApi.*"
+threaded_solver+=":PartialRefactorization.*:KeptNumbers.OutliveRefused*:KeptNumbers.AreNotThose*:AnalyzeChange.Orders*:AnalyzeChange.Fronts*:AnalyzeChange.Clones*"
+threaded_solver+=":FollowedPlan.*:SolveRows.*:ScratchFolder.RowsAre*:FactorFile.SolvesAs*:CApi.*"
 
 # With clang, which compiles with this sanitizer in 0.6 of GCC's time. Neither can place its shadow when addresses are
 # randomised over 32 bits, as kernels from 6.6 on do.

@@ -143,7 +143,7 @@ TEST(Allocation, EveryOneFailsOnce) {
     const std::vector<double> good = x;
     long failures = 0;
     Solver s(c.options);
-    constexpr long kStep = test::rounds(1L, 7L);
+    constexpr long kStep = test::rounds(1L, 13L);
     for (long k = 0; k < total; k += kStep) {
       allocations_left = k;
       const StatusCode code = run(s, c, b, x);
