@@ -250,11 +250,12 @@ def made_again(table, figure, binary, folder, seconds):
         path.write_text(json.dumps({**results.data, "rows": rows}))
     else:
         settings, rivals = results.data["settings"], results.rivals(figure["values"])
-        path = folder / (re.sub(r"\W+", "-", " ".join([figure["results"], *systems, *rivals])) + ".json")
+        columns = settings["right_hand_sides"] if any("solve_many" in value for value in figure["values"]) else 1
+        path = folder / (re.sub(r"\W+", "-", " ".join([figure["results"], *systems, *rivals, str(columns)])) + ".json")
         if not path.exists():
             one = [word for system in systems for word in ("--system", system)]
-            run([binary, "bench", "peers", *one, "--rivals", ",".join(rivals), "--rhs", settings["right_hand_sides"],
-                 "--threads", settings["threads"], "-k", max(5, settings["repetitions"]), "--analyses", 1, "--no-ceilings",
+            run([binary, "bench", "peers", *one, "--rivals", ",".join(rivals), "--rhs", columns,
+                 "--threads", settings["threads"], "-k", settings["repetitions"], "--analyses", 1, "--no-ceilings",
                  "--out", path], seconds)
     now = Results(path, table.names)
     return [(value, results.value(value), now.value(value)) for value in figure["values"] if not re.search(r": settings\.\w+$", value)]
@@ -268,7 +269,8 @@ def verify(table, arguments):
         (cannot if reason else can).append((figure, reason))
     random_.shuffle(can)
     chosen = sorted(can[:math.ceil(arguments.share * len(can))], key=lambda pair: largest(table, pair[0]))  # small ones first
-    print(f"{len(can)} of {len(can) + len(cannot)} figures can be made again on this machine; {len(chosen)} of them are (seed {arguments.seed})")
+    print(f"{len(can)} of {len(can) + len(cannot)} figures can be made again on this machine; {len(chosen)} of them are (seed {arguments.seed}); "
+          f"load average {os.getloadavg()[0]:.1f} of {os.cpu_count()} cores")
     begin, good, moved, late = time.monotonic(), 0, [], []
     with tempfile.TemporaryDirectory() as folder:
         for figure, _ in chosen:

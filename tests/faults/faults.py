@@ -4,8 +4,8 @@
     python3 tests/faults/faults.py [--shim build/release/tests/espalier_faults.so] [--share 1] [CASE ...]
     python3 tests/faults/faults.py --one once 17 solve        shows one fault
 
-The calls are counted by tests/faults/shim.c; allocations as well (`memory`), in most cases a part of them, evenly spread. After each fault: the exit code is a documented one, and not that of a bug; the message
-names the file that failed, where it is one of the user's; what has its name is whole, old or new; nothing lies in the scratch folder, and no
+The calls are counted by tests/faults/shim.c; allocations as well (`memory`), in most cases a part of them, evenly spread. After each fault:
+the exit code is a documented one, and not that of a bug; the message names the file that failed, where it is one of the user's; what has its name is whole, old or new; nothing lies in the scratch folder, and no
 temporary file beside the results. Where the exit code is 0, the results are those of the truth.
 
 Each block of 4096 bytes of what is read again (a factor, an analysis, a restart file) is cut off and set to zeros, as after a power cut: it is
@@ -265,7 +265,7 @@ def check_blocks(name, case, truth, share):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("cases", nargs="*", choices=[*CASES, []])
-    parser.add_argument("--shim", type=Path, default=Path(BINARY).parent / "tests/libespalier_faults.so")
+    parser.add_argument("--shim", type=Path, default=Path(BINARY).parent / "tests/espalier_faults.so")
     parser.add_argument("--share", type=float, default=1.0, help="of the calls (default: 1)")
     parser.add_argument("--most", type=int, default=2000, help="allocations of a case, evenly spread where it has more")
     parser.add_argument("--first", type=int, default=0, help="so many of the first calls, which read, whatever the share")
