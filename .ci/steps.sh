@@ -306,7 +306,7 @@ slow_copies="Systems/OutOfCoreFromPinnedMemory.TheSameBitsAsThroughTheRing/*:Sys
 slow_copies+=":Systems/OutOfCoreSystems.FactorsThatStay*/0:Systems/OutOfCoreSystems.FactorsThatStay*/1:Systems/OutOfCoreSystems.DelaysDoNot*:HaltedExecutor.*"
 
 # ... and on two of five systems; one of each kind is left.
-slow_copies+=":Systems/OutOfCore*/0:Systems/OutOfCore*/2:Systems/OutOfCoreOnDisk.HasTheBits*/1:Systems/OutOfCoreOnDisk.Refused*/1:Systems/OutOfCoreOnDisk.Refused*/4:Backends/OutOfCore.GivesTheAnswer*/host:Systems/InverseTasks.*/0"
+slow_copies+=":Systems/OutOfCore*/0:Systems/OutOfCore*/2:Systems/OutOfCoreOnDisk.HasTheBits*/1:Systems/OutOfCoreOnDisk.Refused*/1:Systems/OutOfCoreOnDisk.Refused*/4:Systems/OutOfCorePartialRun.*HasTheBits*/1:Backends/OutOfCore.GivesTheAnswer*/host:Systems/InverseTasks.*/0"
 
 # Tests of the solver that sanitizers take more than 40 s for, of code that quicker ones pass through as well.
 slow_answers="HarmonicEdges.TheLowestFrequencyIsSingular:Precision.Auto*:*MovingPivots.APivotGoesAsFar*:ComplexSolver.ThreadsDevices*:RealForm.SeveralDevices*:Collection.PivotsThatFail*:Deficiency.OfRandom*:ExactRank.OfSystems*:ManyZeros.*"
