@@ -127,7 +127,7 @@ TEST(Schur, MultipliersInTheListLeaveADefiniteRest) {
   expect_solves(schur, a, 2, Transpose::no);
 }
 
-TEST(Schur, MultipliersInTheRestMovePivots) {
+TEST(Schur, MultipliersInTheRestAreSolvedOrNamed) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     const SparseMatrix a = reference::saddle_point(200, 60, seed);
     SchurComplement schur(options_for(Kind::ldlt));
@@ -138,6 +138,30 @@ TEST(Schur, MultipliersInTheRestMovePivots) {
       EXPECT_EQ(result.status.code, StatusCode::singular) << result.status.message;
       continue;
     }
+    expect_complement(schur, a, 1e-8);
+    expect_solves(schur, a, 1, Transpose::no);
+  }
+}
+
+// The caller eliminates the multipliers first, whose diagonal is zero: their pivots move up, and with them the rows of
+// the list below.
+TEST(Schur, PivotsMoveBesideTheList) {
+  for (std::uint64_t seed = 1; seed <= 4; ++seed) {
+    const SparseMatrix a = reference::saddle_point(160, 40, seed);
+    const std::vector<double> full = reference::dense(a);
+    std::vector<Index> free, multipliers;
+    for (Index k = 0; k < a.cols; ++k)
+      (full[static_cast<std::size_t>(k) * (static_cast<std::size_t>(a.cols) + 1)] == 0 ? multipliers : free)
+          .push_back(k);
+    Options o = options_for(Kind::ldlt);
+    o.matching = false;
+    o.permutation = multipliers;
+    o.permutation.insert(o.permutation.end(), free.begin(), free.end());
+    const std::vector<Index> list{free[3], free[40], free[7], free[90]};
+    SchurComplement schur(o);
+    const SchurResult result = factorized(schur, a, list);
+    EXPECT_GT(result.rest.delayed, 0) << "the test wants pivots that fail";
+    EXPECT_TRUE(result.by_elimination);
     expect_complement(schur, a, 1e-8);
     expect_solves(schur, a, 1, Transpose::no);
   }
