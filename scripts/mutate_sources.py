@@ -15,7 +15,7 @@ RULES = {"<": "comparison", "<=": "comparison", ">": "comparison", ">=": "compar
          "&&": "and/or", "||": "and/or"}
 # Text of messages and what is known when compiling have no mutants.
 LEFT_OUT = {CursorKind.CXX_THROW_EXPR, CursorKind.STATIC_ASSERT, CursorKind.ENUM_DECL, CursorKind.PARM_DECL,
-            CursorKind.TEMPLATE_TYPE_PARAMETER, CursorKind.TEMPLATE_NON_TYPE_PARAMETER, CursorKind.TYPE_ALIAS_DECL}
+            CursorKind.DECL_REF_EXPR, CursorKind.TEMPLATE_TYPE_PARAMETER, CursorKind.TEMPLATE_NON_TYPE_PARAMETER, CursorKind.TYPE_ALIAS_DECL}
 MESSAGES = re.compile(r"^(fmt::)?(format|print|format_to)\b|^(static_assert|assert)\b|.*(reserve|shrink_to_fit)\(")
 NAME = "espalier_mutants::"
 
@@ -223,6 +223,9 @@ def compiled(path, command, mutants, header):
             around = [m for m in mutants if m.part[0] <= offset < m.part[1]]
             if around:
                 wrong.add(min(around, key=lambda m: m.part[1] - m.part[0]).number)
+        if not wrong:  # a template's argument, say: the error stands where the template is named
+            lines = {new.count("\n", 0, p.offset) for p in places if p.file is not None and p.file.name == str(path)}
+            wrong = {m.number for m in mutants if new.count("\n", 0, m.part[0]) in lines}
         if not wrong:  # the error of one shows elsewhere, where a template is used
             print(f"{path}: no mutants: {errors[0].spelling}", flush=True)
             return text, []
