@@ -62,7 +62,7 @@ class ChangedRows {
     t.rows.resize(static_cast<std::size_t>(t.row_ptr.back()));
     pool_.for_each_range(t.fronts(), kFronts, [&](std::int64_t b, std::int64_t e) {
       for (auto f = static_cast<Index>(b); f < e; ++f) {
-        if (known_[at(f)] == 0) (void)keep_rows(f);
+        if (known_[at(f)] == 0) keep_rows(f);
         std::copy(rows_[at(f)].begin(), rows_[at(f)].end(), t.rows.begin() + t.row_ptr[at(f)]);
         rows_[at(f)] = {};
       }
@@ -86,15 +86,13 @@ class ChangedRows {
     analysis::visit_neighbours(change_, column_of_row_, v, use);
   }
 
-  // Keeps the rows of a front that has not changed, in the order of now. @returns whether that is another one than
-  // before
-  bool keep_rows(Index f) {
+  // Keeps the rows of a front that has not changed, in the order of now.
+  void keep_rows(Index f) {
     std::vector<Index>& list = rows_[at(f)] = rows_before(f);
     known_[at(f)] = 1;
-    if (std::is_sorted(list.begin(), list.end())) return false;
+    if (std::is_sorted(list.begin(), list.end())) return;
     std::sort(list.begin(), list.end());
     out_.same[at(f)] = -1;
-    return true;
   }
 
   [[nodiscard]] bool has_pivot_beside(Index f, Index row) const {
@@ -142,7 +140,7 @@ class ChangedRows {
     std::vector<Index> rows, more, candidates;
     for (Offset c = child_ptr_[at(f)]; c < child_ptr_[at(f) + 1]; ++c) {
       const Index child = children_[at(c)];
-      if (known_[at(child)] == 0) (void)keep_rows(child);
+      if (known_[at(child)] == 0) keep_rows(child);
       unite(rows, rows_[at(child)], last);
     }
     for (auto e = std::lower_bound(added_.begin(), added_.end(), Edge{f, 0}); e != added_.end() && e->first == f; ++e)
@@ -165,7 +163,7 @@ class ChangedRows {
   void remake(Index f) {
     if ((touched_[at(f)] & (kEntries | kPivots)) != 0) out_.same[at(f)] = -1;
     if ((touched_[at(f)] & kRows) == 0) return;
-    (void)keep_rows(f);
+    keep_rows(f);
     std::vector<Index> made = rows_of(f, rows_[at(f)]);
     const bool other = made != rows_[at(f)];
     if (other || (touched_[at(f)] & kPivots) != 0) changed_[at(f)] = 1;

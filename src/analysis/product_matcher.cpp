@@ -119,23 +119,18 @@ void ProductMatcher::match_tight_diagonal() {
 }
 
 /// Matches column j by a tight entry in a free row, or by moving the column of a tight row to another free tight row.
-bool ProductMatcher::match_tight_column(Index j) {
+void ProductMatcher::match_tight_column(Index j) {
   for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k)
-    if (col_of_row[at(a_.row[at(k)])] < 0 && product(k, j) >= kTight) {
-      match(a_.row[at(k)], j);
-      return true;
-    }
+    if (col_of_row[at(a_.row[at(k)])] < 0 && product(k, j) >= kTight) return match(a_.row[at(k)], j);
   for (Offset k = a_.ptr[at(j)]; k < a_.ptr[at(j) + 1]; ++k) {
     if (product(k, j) < kTight) continue;
     const Index i = a_.row[at(k)], other = col_of_row[at(i)];
     for (Offset l = a_.ptr[at(other)]; l < a_.ptr[at(other) + 1]; ++l)
       if (col_of_row[at(a_.row[at(l)])] < 0 && product(l, other) >= kTight) {
         match(a_.row[at(l)], other);
-        match(i, j);
-        return true;
+        return match(i, j);
       }
   }
-  return false;
 }
 
 void ProductMatcher::match_tight() {

@@ -71,7 +71,7 @@ class ProductMatcher {
   [[nodiscard]] bool diagonal_measures() const;
   void match_tight_diagonal();
   void match_tight();
-  bool match_tight_column(Index j);
+  void match_tight_column(Index j);
   void match(Index i, Index j);
   void take_logarithms();
   void bid();
