@@ -271,14 +271,10 @@ class Group:
 
 
 def reasons():
-    """Patterns and the reason above them: `path: before -> after`, a * stands for anything, a line with # is a reason."""
-    found, reason = [], ""
-    for line in REASONS.read_text().splitlines() if REASONS.exists() else []:
-        if line.startswith("# "):
-            reason = line[2:]
-        elif line.strip():
-            found.append((re.compile("".join(".*" if c == "*" else re.escape(c) for c in line.strip().replace("**", "\0")).replace("\0", r"\*")), reason))
-    return found
+    """Patterns, and above them a line with # and their reason: `path: before -> after`, where ... is anything."""
+    lines = REASONS.read_text().splitlines() if REASONS.exists() else []
+    patterns = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
+    return [re.compile(".*".join(map(re.escape, p.split("...")))) for p in patterns]
 
 
 def table(groups, known):
@@ -289,7 +285,7 @@ def table(groups, known):
             result = group.of["results"].get(str(m["number"]), "open").split(":")[0]
             text = f"{m['path']}: {m['before']} -> {m['after']}"
             if result in ("survived", "not reached"):
-                if any(p.fullmatch(text) for p, _ in known):
+                if any(p.fullmatch(text) for p in known):
                     result = "reason"
                 else:
                     left.append(f"{m['path']}:{m['line']}: {m['number']}, {result}: {m['before']} -> {m['after']}")
