@@ -88,6 +88,8 @@ class Finder:
         if kind == CursorKind.CALL_EXPR and MESSAGES.match(self.of(cursor)):
             return
         children = list(cursor.get_children())
+        if kind == CursorKind.UNEXPOSED_EXPR and len(children) == 1 and self.range(children[0]) == self.range(cursor):
+            return self.visit(children[0], parent)  # what stands around temporaries, say
         self.look(cursor, children, parent)
         if kind == CursorKind.CASE_STMT or (kind == CursorKind.IF_STMT and self.of(cursor).startswith("if constexpr")):
             children = children[1:]
@@ -112,8 +114,8 @@ class Finder:
                 self.choice(cursor, "sign", self.of(children[0]))
         elif kind in (CursorKind.IF_STMT, CursorKind.CONDITIONAL_OPERATOR):
             condition = children[0]
-            if condition.kind.is_expression() and not re.match(r"if constexpr", self.of(cursor)) and (
-                    condition.kind != CursorKind.BINARY_OPERATOR or not re.search(r"[!=]=", self.of(condition))):
+            equality = condition.kind == CursorKind.BINARY_OPERATOR and self.sign_of(*condition.get_children()) in ("==", "!=")
+            if condition.kind.is_expression() and not equality and not self.of(cursor).startswith("if constexpr"):
                 self.negated(condition)
         elif kind == CursorKind.CXX_BOOL_LITERAL_EXPR and parent.kind != CursorKind.VAR_DECL:
             text = self.of(cursor)
@@ -123,9 +125,12 @@ class Finder:
         elif kind == CursorKind.INTEGER_LITERAL and parent.kind == CursorKind.CALL_EXPR:
             self.choice(cursor, "constant", f"{self.of(cursor)} + 1")
 
+    def sign_of(self, left, right):
+        return re.sub(r"//[^\n]*", "", self.text[self.range(left)[1]:self.range(right)[0]]).strip()
+
     def binary(self, cursor, left, right, statement):
         (begin, left_end), (right_begin, end) = self.range(left), self.range(right)
-        sign = re.sub(r"//[^\n]*", "", self.text[left_end:right_begin]).strip()
+        sign = self.sign_of(left, right)
         a, b = self.text[begin:left_end], self.text[right_begin:end]
         if sign == "=" and statement:
             self.choice(cursor, "deleted statement", "", "void({})")
