@@ -33,6 +33,7 @@ HEADER = ROOT / "scripts/mutate_runtime.hpp"
 REASONS = ROOT / "scripts/mutants.txt"
 BITS = "espalier_bits"  # not a test program: what it prints must stay as it is
 BITS_CASES = ["; cpu 1"]
+SHARES = 8  # a test program is asked in that many processes
 MEMORY = 12_000_000_000  # bytes of addresses of a test program
 # Sources, then test programs, the room's own first, with the tests that are asked.
 ROOMS = {
@@ -48,7 +49,7 @@ ROOMS = {
     "joints": ("src/dynamics/joints/*", ["test_dynamics"]),
     "integrators": ("src/dynamics/integrators/*", ["test_dynamics"]),
     "dae": ("src/dynamics/dae/*", ["test_dynamics"]),
-    "readers": ("src/dynamics/mesh/read/*", ["test_dynamics:*Mesh*:*Read*:*Deck*"]),
+    "readers": ("src/dynamics/mesh/read/*", ["test_dynamics"]),
     "share": ("src/analysis/elimination_tree.cpp", ["test_analysis"]),
 }
 
@@ -66,8 +67,7 @@ class Group:
 
     def __init__(self, names, options):
         self.names, self.options, self.build = names, options, options.build
-        programs = {program.partition(":")[0]: program for name in names for program in ROOMS[name][1]}
-        self.programs = list(programs.values())
+        self.programs = list(dict.fromkeys(program for name in names for program in ROOMS[name][1]))
         self.folder = options.state / "-".join(names)
         self.path = self.folder / "state.json"
         self.of = json.loads(self.path.read_text()) if self.path.exists() else {"mutants": [], "tests": {}, "results": {}}
@@ -133,18 +133,19 @@ class Group:
         at = command.index("-o")
         command = command[:at] + ["-w", "-O1", *(f"-I{s.parent}" for s in sources), "-o", str(obj), "-c", str(target)]
         subprocess.run(command, cwd=entry["directory"], check=True)
-        return kept, [str(obj)]
+        return kept, [(str(obj), re.search(r"CMakeFiles/(\w+)\.dir", entry["command"])[1])]
 
     def link(self):
         """The test programs with the mutants; their objects stand before the libraries, which then are not asked for these."""
         runtime = self.folder / "runtime.o"
         subprocess.run(["c++", "-std=c++20", "-O1", "-c", str(HEADER.with_suffix(".cpp")), "-o", str(runtime)], check=True)
-        for program in (p.split(":")[0] for p in self.programs):
+        for program in self.programs:
             shown = subprocess.run(["ninja", "-t", "commands", program], cwd=self.build, capture_output=True, text=True, check=True)
             command = [c for c in shown.stdout.splitlines() if f" -o tests/{program} " in c][-1].split("&&")[1]
             words = shlex.split(command)
             at = words.index("-o")
-            words = words[:at] + ["-o", str(self.folder / program), *self.of["objects"], str(runtime)] + words[at + 2:]
+            objects = [obj for obj, library in self.of["objects"] if f"src/lib{library}.a" in words]
+            words = words[:at] + ["-o", str(self.folder / program), *objects, str(runtime)] + words[at + 2:]
             subprocess.run(words + ["-lgtest"], cwd=self.build, check=True)
         self.of["bits"] = self.bits(0)
 
@@ -180,10 +181,9 @@ class Group:
                     pass
                 process.wait()
 
-    def new_tests(self, program, chosen):
+    def new_tests(self, program):
         """The tests of a program that have not told yet what they come past."""
-        shown = subprocess.run([str(self.folder / program), "--gtest_list_tests", f"--gtest_filter={chosen or '*'}"], check=True,
-                               capture_output=True, text=True)
+        shown = subprocess.run([str(self.folder / program), "--gtest_list_tests"], check=True, capture_output=True, text=True)
         costs = self.build / "Testing/Temporary/CTestCostData.txt"
         slow = {line.split()[0] for line in costs.read_text().split("---")[0].splitlines()
                 if float(line.split()[-1]) > self.options.slowest} if costs.exists() else set()
@@ -207,9 +207,8 @@ class Group:
 
         jobs = []
         for program in (p for p in self.programs if p != BITS):
-            name, _, chosen = program.partition(":")
-            tests = self.new_tests(name, chosen)
-            jobs += [(name, share, tests[share::8]) for share in range(8) if tests[share::8]]
+            tests = self.new_tests(program)
+            jobs += [(program, share, tests[share::SHARES]) for share in range(SHARES) if tests[share::SHARES]]
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             for name, tests, lines in pool.map(one, jobs):
                 of_program = self.of["tests"].setdefault(name, {})
@@ -224,9 +223,11 @@ class Group:
         """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to --seconds."""
         used = 0.0
         for program, tests in self.of["tests"].items():
-            reaching = sorted((ms, test) for test, (ms, numbers) in tests.items() if number in self.past[program, test])
+            past = [test for test in tests if number in self.past[program, test]]
+            if 0 < len(past) <= SHARES:  # perhaps what a process computes once, for the first test that wants it
+                past += [test for test, (_, numbers) in tests.items() if numbers and test not in past]
             portion, took, size = [], 0, 200
-            for ms, test in reaching:
+            for ms, test in sorted((tests[test][0], test) for test in past):
                 if used + ms > 1000 * self.options.seconds and used > 0:
                     break
                 used += ms

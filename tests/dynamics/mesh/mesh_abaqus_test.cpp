@@ -183,6 +183,31 @@ TEST_F(MeshAbaqus, SystemsAndCopies) {
     for (std::size_t d = 0; d < 3; ++d) EXPECT_NEAR(mesh.nodes[n][d], right[n][d], 1e-14) << n << " " << d;
 }
 
+// Truth: p - 2 (p - a) n n for the plane x + y + z = 1, and half a turn about a line along z through (1, 0).
+TEST_F(MeshAbaqus, MirrorsAwayFromTheOrigin) {
+  const Mesh mesh = read_mesh(
+      write("m.inp",
+            "*NODE\n1,0,0,0\n2,1,0,0\n3,0,1,0\n*NODE, NSET=ONE\n4, 2,0,3\n"
+            "*NCOPY, CHANGE NUMBER=10, OLD SET=ONE, REFLECT=MIRROR\n0,0,1, 0,1,0\n1,0,0\n"
+            "*NCOPY, CHANGE NUMBER=20, OLD SET=ONE, REFLECT=LINE\n1,0,2, 1,0,5\n*ELEMENT, TYPE=C3D4\n1,1,2,3,4\n"));
+  ASSERT_EQ(mesh.nodes.size(), 6U);
+  const Point mirrored = {-2.0 / 3, -8.0 / 3, 1.0 / 3}, turned = {0, 0, 3};
+  for (std::size_t d = 0; d < 3; ++d) {
+    EXPECT_NEAR(mesh.nodes[4][d], mirrored[d], 1e-14) << d;
+    EXPECT_NEAR(mesh.nodes[5][d], turned[d], 1e-14) << d;
+  }
+}
+
+TEST_F(MeshAbaqus, SetsOfUnequalLengthsAreFilledAsFarAsBothGo) {
+  const Mesh mesh =
+      read_mesh(write("u.inp",
+                      "*NODE, NSET=A\n1,0,0,0\n*NODE, NSET=B\n3,2,0,0\n4,2,5,0\n5,0,0,1\n*NFILL\nA,B,2,1\n"
+                      "*ELEMENT, TYPE=C3D4\n1,1,3,4,5\n"));
+  ASSERT_EQ(mesh.nodes.size(), 5U);
+  EXPECT_EQ(mesh.node_labels[4], 2);
+  EXPECT_NEAR(mesh.nodes[4][0], 1, 1e-14);
+}
+
 TEST_F(MeshAbaqus, WrongGeneratorsAreNamed) {
   const std::string two = "*NODE\n1,0,0,0\n9,1,0,0\n";
   expect_error(write("a.inp", two + "*NGEN\n1,9,3\n"), 5, "does not lead from node 1 to node 9");
