@@ -106,6 +106,12 @@ TEST_F(DeckCouplings, Rbe3WithWeights) {
   EXPECT_GT(b.at(3).norm(), 1e-3);
   expect_same(a, b);
   EXPECT_LT((place(s) - at - truth.motion(at, b)).norm(), 1e-9 * b.at(3).norm());
+  // The same load in a system with x along y, and along the directions of a cylinder whose axis is 1 away along -x.
+  const Simulation turned =
+      run_nastran(rbe3 +
+                  "CORD2R,5,,0.,0.,0.,0.,0.,1.,+\n+,0.,1.,0.\nCORD2C,6,,1.7,.1,0.,1.7,.1,1.,+\n+,1.7,1.1,0.\n"
+                  "FORCE,2,99,5,1.,-.02,-.03,.05\nMOMENT,2,99,6,1.,.02,.04,-.01\n");
+  expect_same(all_moved(turned, "bar.bdf"), b);
   // Its weights are seen: with equal ones it is another motion.
   const Simulation even = run_nastran(
       "GRID,99,,2.7,.1,.9\nRBE3,90,,99,123456,1.,123,3,13\n+,23,33\nFORCE,2,99,,1.,.03,"

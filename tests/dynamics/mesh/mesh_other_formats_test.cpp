@@ -168,6 +168,14 @@ TEST_F(MeshOther, NastranSystems) {
   const Point right[] = {{10, 0, 0}, {10, 0, 1}, {10, 1, 0}, {8, 0, 3}, {8, 0, 0}, {10, 0, 2}, {8, 1, 3}, {1, 2, 3}};
   for (std::size_t n = 0; n < std::size(right); ++n)
     for (std::size_t d = 0; d < 3; ++d) EXPECT_NEAR(mesh.nodes[n][d], right[n][d], 1e-14) << n << " " << d;
+  // A point that is wanted before its own card is turned once.
+  const Mesh before = read_mesh(
+      write("b.bdf",
+            "CORD2R,5,0,10.,0.,0.,10.,0.,1.,+\n+,10.,1.,0.\nCORD1C,6,1,2,3\nGRID,4,6,2.,90.,3.\nGRID,1,5,0.,0.,0.\n"
+            "GRID,2,5,0.,0.,1.\nGRID,3,5,1.,0.,0.\nCTETRA,1,1,1,2,3,4\n"));
+  const Point wanted[] = {{8, 0, 3}, {10, 0, 0}, {10, 0, 1}, {10, 1, 0}};
+  for (std::size_t n = 0; n < std::size(wanted); ++n)
+    for (std::size_t d = 0; d < 3; ++d) EXPECT_NEAR(before.nodes[n][d], wanted[n][d], 1e-14) << n << " " << d;
   expect_error(write("loop.bdf", "CORD1R,1,1,2,3\nGRID,1,1,0.,0.,0.\nGRID,2,1,0.,0.,1.\nGRID,3,1,1.,0.,0.\n"), 1,
                "in a circle");
   expect_error(write("none.bdf", "GRID,1,,0.,0.,0.\nGRDSET,,9\n"), 2, "coordinate system 9");
@@ -382,9 +390,18 @@ TEST_F(MeshOther, AnsysSolids) {
   EXPECT_EQ(mesh.node_set("FOOT"), (std::vector<Index>{0, 1, 2, 3}));
   EXPECT_EQ(mesh.element_set("material-2"), std::vector<Index>{4});
   EXPECT_EQ(mesh.section_material.at("material-1"), "MP-1");
+  EXPECT_EQ(mesh.materials.at(0).young, 7e10);
   EXPECT_EQ(mesh.materials.at(0).poisson, 0.35);
+  EXPECT_EQ(mesh.materials.at(0).density, 2700);
   EXPECT_NE(all_notices(mesh).find("type 154 of Ansys (1)"), std::string::npos) << all_notices(mesh);
+  const Mesh block = read_mesh(
+      write("t.cdb", replaced(text, "ET,1,185\nET,2,SOLID186\nET,3,154\n",
+                              "ETBLOCK,        3,        3\n(2i9,19a9)\n        1      185\n        2      186\n"
+                              "        3      154\n       -1\n")));
+  ASSERT_EQ(block.element_count(), 5);
+  for (Index e = 0; e < 5; ++e) EXPECT_EQ(block.type(e), types[e]);
   expect_error(write("b.cdb", replaced(text, "(19i9)", "(19x9)")), 23, "expected a format");
+  EXPECT_THROW(static_cast<void>(read_mesh(write("d.cdb", replaced(text, "1        -4\n", "4        -1\n")))), Error);
   EXPECT_THROW(static_cast<void>(read_mesh(write("c.cdb", text.substr(0, 900)))), Error);
 }
 
