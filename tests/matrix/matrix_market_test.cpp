@@ -38,6 +38,30 @@ TEST(MatrixMarket, CoordinateRealGeneral) {
   EXPECT_EQ(a.values, (std::vector<double>{2, -1.5, 0.25, 100}));
 }
 
+// Files above 1 MiB are read in blocks; what comments and blank lines leave between them is closed.
+TEST(MatrixMarket, CommentsInsideLargeFiles) {
+  constexpr Index kRows = 400, kColumns = 300;
+  std::string text = fmt::format("%%MatrixMarket matrix coordinate real general\n{} {} {}\n", kRows, kColumns,
+                                 Offset{kRows} * kColumns);
+  std::vector<double> expected;
+  for (Index c = 0; c < kColumns; ++c)
+    for (Index r = 0; r < kRows; ++r) {
+      expected.push_back(1 + 0.25 * r + 100.0 * c);
+      text += fmt::format("{} {} {:.2f}\n", r + 1, c + 1, expected.back());
+      if ((r + c) % 5 == 0) text += "% between entries\n\n";
+    }
+  ASSERT_GT(text.size(), std::size_t{2} << 20);
+  for (const int threads : {1, 3}) {
+    base::ThreadPool pool(threads);
+    ReadOptions options;
+    options.pool = &pool;
+    const SparseMatrix a = parse(text, options);
+    EXPECT_EQ(a.values, expected);
+    ASSERT_EQ(a.row_ind.size(), expected.size());
+    for (std::size_t k = 0; k < a.row_ind.size(); ++k) ASSERT_EQ(a.row_ind[k], static_cast<Index>(k % kRows));
+  }
+}
+
 TEST(MatrixMarket, BannerIsCaseInsensitive) {
   EXPECT_EQ(parse("%%matrixmarket MATRIX Coordinate INTEGER General\n1 1 1\n1 1 7\n").values, std::vector<double>{7});
 }
