@@ -30,9 +30,15 @@ std::vector<Size> sizes() {
     for (const std::int64_t n : {std::int64_t{0}, std::int64_t{1}, std::int64_t{6}, p - 1, p, p + 1, 3 * p + 3})
       list.push_back({m, n, (3 * m + n) % 11});
   }
-  for (const Size& s :
-       {Size{40, 64, 100}, {64, 40, 23}, {100, 100, 1}, {128, 128, 128}, {130, 24, 200}, {200, 130, 25}})
-    list.push_back(s);
+  for (const Size& s : {Size{40, 64, 100},
+                        {64, 40, 23},
+                        {100, 100, 1},
+                        {128, 128, 128},
+                        {130, 24, 200},
+                        {200, 130, 25},
+                        {26, 24, 161},
+                        {40, 9, 333}})
+    list.push_back(s);  // the last: sums in passes of unequal length
   return list;
 }
 
