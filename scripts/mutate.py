@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 """How many single faults the tests find: mutants of the sources, each run against the tests that come past it.
 
-    scripts/mutate.py --rooms analysis,plan [--most 300] [--seed 1] [--build build/release] [--state build/mutants]
+    scripts/mutate.py --rooms analysis,plan [--most 300] [--seed 1] [--build build/release] [--state FOLDER]
                       [--jobs 2] [--seconds 20] [--again] [--share]
     scripts/mutate.py --table
 
 Needs a finished build with tests and libclang: `pip install clang==14.0`, `apt-get install libclang1-14 libclang-common-14-dev`.
-The rooms of a call are one group. A room's sources are compiled once with all their mutants (mutate_sources.py) and linked before the libraries of the build. Every
-test program then says which mutants each test comes past; a mutant runs against those tests, the fastest first, up to SECONDS of
-them. A failure, a crash or five times the usual time is a kill. FOLDER/<rooms>/state.json keeps what is known: a call that was
-cut goes on. --again links anew and tries again what is left, after tests were added. --share: 20 mutants of one source.
+The rooms of a call are one group. Their sources are compiled once with all their mutants (mutate_sources.py) and linked before
+the libraries of the build. Every test program then says which mutants each test comes past; a mutant runs against those tests,
+the fastest first, up to SECONDS of them. A failure, a crash or five times the usual time is a kill. FOLDER/<rooms>/state.json
+keeps what is known: a call that was cut goes on. --again links anew and tries what is left, after tests were added; --anew
+PATTERN asks tests again that have changed. --share: 20 mutants of one source.
 scripts/mutants.txt gives reasons why some need no test. Ends with 1 where mutants are left without one.
 """
 
@@ -88,9 +89,11 @@ class Group:
         for name in self.names:
             found = []
             for entry in entries:
-                sources = [p for p in originals(entry) if fnmatch.fnmatch(str(p), f"{ROOT}/{ROOMS[name][0]}") and p.suffix == ".cpp"]
-                sources = [s for s in sources if not any(s in known for _, known in pieces.values())]  # the library has them again
-                for source in sources:
+                for source in originals(entry):
+                    if source.suffix != ".cpp" or not fnmatch.fnmatch(str(source), f"{ROOT}/{ROOMS[name][0]}"):
+                        continue
+                    if any(source in known for _, known in pieces.values()):
+                        continue  # the library that is installed compiles it again
                     pieces.setdefault(entry["file"], (entry, []))[1].append(source)
                     found += mutate_sources.find(source, shlex.split(entry["command"]))
             picked = sorted(random.Random(self.options.seed).sample(range(len(found)), min(self.options.most, len(found))))
@@ -107,7 +110,8 @@ class Group:
                 kept += mutants
                 objects += obj
         print(f"{len(chosen) - len(kept)} that no compiler takes were left out", flush=True)
-        self.of |= {"objects": objects, "seed": self.options.seed, "mutants": [m.json() | {"path": str(Path(m.path).relative_to(ROOT))} for m in kept]}
+        mutants = [m.json() | {"path": str(Path(m.path).relative_to(ROOT))} for m in kept]
+        self.of |= {"objects": objects, "seed": self.options.seed, "mutants": mutants}
         self.save()
 
     def piece(self, entry, sources, chosen):
@@ -154,13 +158,15 @@ class Group:
         if BITS not in self.programs:
             return ""
         try:
-            return subprocess.run(["prlimit", f"--as={MEMORY}", str(self.folder / BITS), *BITS_CASES], capture_output=True, text=True,
-                                  errors="replace", env={**os.environ, "ESPALIER_MUTANT": str(number)}, timeout=60, check=False).stdout
+            command = ["prlimit", f"--as={MEMORY}", str(self.folder / BITS), *BITS_CASES]
+            environment = {**os.environ, "ESPALIER_MUTANT": str(number)}
+            return subprocess.run(command, capture_output=True, env=environment, timeout=60, check=False).stdout.decode("latin-1")
         except subprocess.TimeoutExpired:
             return "time"
 
     def command(self, program, chosen):
-        return ["prlimit", f"--as={MEMORY}", str(self.folder / program), f"--gtest_filter={chosen}", "--gtest_fail_fast", "--gtest_brief=1"]
+        words = ["prlimit", f"--as={MEMORY}", str(self.folder / program), f"--gtest_filter={chosen}"]
+        return words + ["--gtest_fail_fast", "--gtest_brief=1"]
 
     def run_program(self, program, chosen, environment, limit):
         """Its exit code, or "time"."""
@@ -205,6 +211,9 @@ class Group:
                 print(f"{name}, share {share}: a test fails without a mutant, or they take too long", flush=True)
             return name, tests, lines.read_text().splitlines() if lines.exists() else []
 
+        for tests in self.of["tests"].values() if self.options.anew else []:
+            for test in fnmatch.filter(list(tests), self.options.anew):
+                del tests[test]
         jobs = []
         for program in (p for p in self.programs if p != BITS):
             tests = self.new_tests(program)
@@ -253,8 +262,9 @@ class Group:
     def run(self):
         results = self.of["results"]
         self.past = {(p, t): set(numbers) for p, tests in self.of["tests"].items() for t, (_, numbers) in tests.items()}
-        open_ones = [m["number"] for m in self.of["mutants"] if str(m["number"]) not in results or
-                     (self.options.again and not results[str(m["number"])].startswith("killed"))]
+        known = reasons()
+        open_ones = [m["number"] for m in self.of["mutants"] if str(m["number"]) not in results or (
+            self.options.again and not results[str(m["number"])].startswith("killed") and not has_reason(m, known))]
         saved = time.monotonic()
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             jobs = {pool.submit(self.judge, n): n for n in open_ones}
@@ -278,26 +288,32 @@ def reasons():
     return [re.compile(".*".join(map(re.escape, p.split("...")))) for p in patterns]
 
 
+def has_reason(mutant, known):
+    text = f"{mutant['path']}: {mutant['before']} -> {mutant['after']}"
+    return any(p.fullmatch(text) for p in known)
+
+
 def table(groups, known):
     """Prints the counts of each room and what is left; the number of those without a test or a reason."""
     kinds, counts, left = ("killed", "not reached", "survived", "reason", "open"), {}, []
     for group in groups:
         for m in group.of["mutants"]:
             result = group.of["results"].get(str(m["number"]), "open").split(":")[0]
-            text = f"{m['path']}: {m['before']} -> {m['after']}"
             if result in ("survived", "not reached"):
-                if any(p.fullmatch(text) for p in known):
+                if has_reason(m, known):
                     result = "reason"
                 else:
                     left.append(f"{m['path']}:{m['line']}: {m['number']}, {result}: {m['before']} -> {m['after']}")
             for name in (m["room"], "all"):
                 counts.setdefault(name, dict.fromkeys(kinds, 0))[result] += 1
-    print("| room | mutants | killed | not reached | survived | with a reason | killed of the rest |\n|---|---|---|---|---|---|---|")
+    print("| room | mutants | killed | not reached | survived | with a reason | killed of the rest |")
+    print("|---|---|---|---|---|---|---|")
     for name in [n for n in counts if n != "all"] + ["all"]:
         of = counts.get(name, dict.fromkeys(kinds, 0))
         judged = of["killed"] + of["not reached"] + of["survived"]
         share = f"{100 * of['killed'] / judged:.1f} %" if judged else ""
-        print(f"| {name} | {sum(of.values())} | {of['killed']} | {of['not reached']} | {of['survived']} | {of['reason']} | {share} |")
+        figures = [sum(of.values()), of["killed"], of["not reached"], of["survived"], of["reason"], share]
+        print(f"| {name} | " + " | ".join(map(str, figures)) + " |")
     print("\n".join(["", *left]), flush=True)
     return len(left)
 
@@ -314,6 +330,7 @@ def main():
     parser.add_argument("--cover-seconds", type=float, default=300, help="limit of an eighth of a test program")
     parser.add_argument("--slowest", type=float, default=2, help="seconds of a test that is asked, as ctest knows them")
     parser.add_argument("--again", action="store_true")
+    parser.add_argument("--anew", default="")
     parser.add_argument("--share", action="store_true")
     parser.add_argument("--table", action="store_true")
     options = parser.parse_args()

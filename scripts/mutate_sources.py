@@ -9,13 +9,14 @@ from dataclasses import asdict, dataclass
 from clang.cindex import Config, CursorKind, Index, TranslationUnit
 
 Config.set_library_file("/usr/lib/llvm-14/lib/libclang-14.so.1")
-OTHER = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&", "+": "-", "-": "+", "/": "*",
-         "*": "/", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=", "min": "max", "max": "min"}
+OTHER = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "==", "&&": "||", "||": "&&", "+": "-", "-": "+",
+         "/": "*", "*": "/", "+=": "-=", "-=": "+=", "*=": "/=", "/=": "*=", "min": "max", "max": "min"}
 RULES = {"<": "comparison", "<=": "comparison", ">": "comparison", ">=": "comparison", "==": "comparison", "!=": "comparison",
          "&&": "and/or", "||": "and/or"}
 # Text of messages and what is known when compiling have no mutants.
 LEFT_OUT = {CursorKind.CXX_THROW_EXPR, CursorKind.STATIC_ASSERT, CursorKind.ENUM_DECL, CursorKind.PARM_DECL,
-            CursorKind.DECL_REF_EXPR, CursorKind.TEMPLATE_TYPE_PARAMETER, CursorKind.TEMPLATE_NON_TYPE_PARAMETER, CursorKind.TYPE_ALIAS_DECL}
+            CursorKind.DECL_REF_EXPR, CursorKind.TEMPLATE_TYPE_PARAMETER, CursorKind.TEMPLATE_NON_TYPE_PARAMETER,
+            CursorKind.TYPE_ALIAS_DECL}
 MESSAGES = re.compile(r"^(fmt::)?(format|print|format_to)\b|^(static_assert|assert)\b|.*(reserve|shrink_to_fit)\(")
 NAME = "espalier_mutants::"
 
