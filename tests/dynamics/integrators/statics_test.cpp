@@ -61,6 +61,15 @@ double truss_limit(double height) {
   return truss_force(height, std::sqrt(length * length - 1));
 }
 
+// What the summary says is out of balance: the force without what the springs bear at the place that was found.
+TEST(Statics, ResidualIsWhatIsOutOfBalance) {
+  const double height = 0.3, force = 2, scale = 1000 * height;
+  const Simulation s = simulated(truss(height, force, "tolerance = 1e-2"));
+  const double left = std::abs(force - truss_force(height, s.value("apex.position.z")));
+  EXPECT_GT(left, 1e-12 * scale) << "a loose tolerance leaves something";
+  EXPECT_NEAR(s.summary().statics_residual, left, 1e-13 * scale);
+}
+
 TEST(StaticsLimit, TrussSnapsThroughAtItsClosedForm) {
   for (const double height : {0.05, 0.2, 0.6, 1.0}) {
     const double limit = truss_limit(height), force = 1.5 * limit;

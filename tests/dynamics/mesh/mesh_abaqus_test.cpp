@@ -198,6 +198,22 @@ TEST_F(MeshAbaqus, MirrorsAwayFromTheOrigin) {
   }
 }
 
+// Truth: a cube and its copies, one and two higher.
+TEST_F(MeshAbaqus, CopiesOfElements) {
+  const std::string text =
+      "*NODE, NSET=LOW\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n11,0,0,1\n12,1,0,1\n13,1,1,1\n14,0,1,1\n"
+      "*NCOPY, CHANGE NUMBER=100, OLD SET=LOW, SHIFT\n0,0,2\n0,0,0,0,0,1,0\n"
+      "*ELEMENT, TYPE=C3D8, ELSET=ONE\n7, 1,2,3,4,11,12,13,14\n"
+      "*ELCOPY, ELEMENT SHIFT=5, SHIFT NODES=100, OLD SET=ONE, NEW SET=COPY\n";
+  const Mesh mesh = read_mesh(write("c.inp", text));
+  ASSERT_EQ(mesh.element_count(), 2);
+  EXPECT_NEAR(mesh_volume(mesh), 2, 1e-14);
+  EXPECT_EQ(mesh.element_set("ONE"), std::vector<Index>{0});
+  EXPECT_EQ(mesh.element_set("COPY"), std::vector<Index>{1});
+  for (const Index n : mesh.element(1)) EXPECT_GE(mesh.nodes[static_cast<std::size_t>(n)][2], 2);
+  expect_error(write("r.inp", replaced(text, "*ELCOPY, ", "*ELCOPY, REFLECT, ")), 15, "*ELCOPY, REFLECT is not read");
+}
+
 TEST_F(MeshAbaqus, SetsOfUnequalLengthsAreFilledAsFarAsBothGo) {
   const Mesh mesh =
       read_mesh(write("u.inp",

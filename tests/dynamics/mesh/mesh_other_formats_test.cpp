@@ -168,6 +168,7 @@ TEST_F(MeshOther, NastranSystems) {
   const Point right[] = {{10, 0, 0}, {10, 0, 1}, {10, 1, 0}, {8, 0, 3}, {8, 0, 0}, {10, 0, 2}, {8, 1, 3}, {1, 2, 3}};
   for (std::size_t n = 0; n < std::size(right); ++n)
     for (std::size_t d = 0; d < 3; ++d) EXPECT_NEAR(mesh.nodes[n][d], right[n][d], 1e-14) << n << " " << d;
+  EXPECT_EQ(all_notices(mesh).find("GRDSET"), std::string::npos) << "it is read";
   // A point that is wanted before its own card is turned once.
   const Mesh before = read_mesh(
       write("b.bdf",
@@ -375,7 +376,7 @@ TEST_F(MeshOther, AnsysSolids) {
       element(1, 3, 16, {1, 2, 3, 4}) +
       "       -1\nCMBLOCK,SOME    ,ELEM,       3\n(8i10)\n        11        12       -14\n"
       "CMBLOCK,FOOT,NODE,2  ! comment\n(8i10)\n         1        -4\nMPDATA,R5.0, 1,EX  , 1, 1, 7.0E+10,\n"
-      "MPDATA,R5.0, 1,PRXY, 1, 1, 0.35,\nMPDATA,R5.0, 1,DENS, 1, 1, 2700.,\nFINISH\n";
+      "MPDATA,R5.0, 1,PRXY, 1, 1, 0.35,\nMPDATA,R5.0, 1,DENS, 1, 1, 2700.,\nMPDATA\nFINISH\n";
   const Mesh mesh = read_mesh(write("a.cdb", text));
   ASSERT_EQ(mesh.element_count(), 5);
   const ElementType types[] = {ElementType::hex8, ElementType::tet4, ElementType::wedge6, ElementType::pyramid5,
@@ -401,6 +402,7 @@ TEST_F(MeshOther, AnsysSolids) {
   ASSERT_EQ(block.element_count(), 5);
   for (Index e = 0; e < 5; ++e) EXPECT_EQ(block.type(e), types[e]);
   expect_error(write("b.cdb", replaced(text, "(19i9)", "(19x9)")), 23, "expected a format");
+  expect_error(write("e.cdb", replaced(text, "(3i8,6e20.13)", "(3i8,6e0.13)")), 6, "expected a format");
   EXPECT_THROW(static_cast<void>(read_mesh(write("d.cdb", replaced(text, "1        -4\n", "4        -1\n")))), Error);
   EXPECT_THROW(static_cast<void>(read_mesh(write("c.cdb", text.substr(0, 900)))), Error);
 }
