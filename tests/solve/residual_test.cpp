@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <limits>
 
 #include "reference/reference.hpp"
@@ -110,6 +111,73 @@ TEST(Residual, SeesWhatDoublePrecisionCancels) {
     (void)ResidualOperator(row, pool).compute(zero, ones, out, transpose);
     EXPECT_EQ(out[0], -1);
   }
+}
+
+// b is A x, rounded: what is left is the rounding of each entry, below the last digit of every term.
+TEST(Residual, OfARoundedProductIsItsRounding) {
+  base::ThreadPool pool(2);
+  const Index n = 3000, count = 3;
+  const double rounding = 60 * static_cast<double>(std::numeric_limits<long double>::epsilon());
+  for (const Storage storage : {Storage::general, Storage::symmetric_lower, Storage::symmetric_both}) {
+    const SparseMatrix a = reference::stored_as(reference::random_system(n, 6, Values::indefinite, 1), storage, true);
+    const ResidualOperator op(a, pool);
+    const std::vector<double> x = reference::random_vector(std::int64_t{n} * count, 2);
+    std::vector<double> b(x.size()), r(x.size());
+    for (std::size_t k = 0; k < x.size(); k += n) op.multiply(&x[k], &b[k], false);
+    std::vector<ResidualColumn> columns;
+    for (std::size_t k = 0; k < x.size(); k += n) columns.push_back({&b[k], &x[k], &r[k], {}});
+    op.compute(columns, false);
+    for (const ResidualColumn& c : columns) {
+      std::vector<double> alone(n);
+      (void)op.compute(c.b, c.x, alone.data(), false);
+      const std::vector<double> truth = reference::residual(a, c.b, c.x, false);
+      double most = 0;
+      for (std::size_t i = 0; i < truth.size(); ++i) {
+        most = std::max(most, std::abs(truth[i]));
+        ASSERT_NEAR(c.r[i], truth[i], rounding * (op.norm(false) + 1) + kUnit * std::abs(truth[i]));
+        ASSERT_NEAR(alone[i], truth[i], rounding * (op.norm(false) + 1) + kUnit * std::abs(truth[i]));
+      }
+      EXPECT_GT(most, 4 * rounding * (op.norm(false) + 1)) << "there is something to see";
+    }
+  }
+}
+
+// Truth: the formulas, term by term.
+TEST(Residual, BackwardErrorsOfComplexSystems) {
+  using Value = std::complex<double>;
+  base::ThreadPool pool(1);
+  const Index n = 4;
+  SparseMatrix a{n, n, {0}, {}, {}, Storage::general};
+  const std::vector<double> parts = reference::random_vector(2 * n * n + 4 * n, 5);
+  for (Index c = 0; c < n; ++c) {
+    for (Index r = 0; r < n; ++r) a.row_ind.push_back(r);
+    a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
+  }
+  a.values.assign(parts.begin(), parts.begin() + 2 * n * n);
+  MatrixView view = a;
+  const auto rows = ResidualOperator::rows_of(view, pool);
+  const ResidualOperator op(view, rows, pool, base::Numbers::complex);
+  const double *b = &parts[2 * n * n], *x = b + 2 * n;
+  const auto value = [](const double* from, Index k) { return Value(from[2 * k], from[2 * k + 1]); };
+  double componentwise = 0, residual = 0, largest_x = 0, largest_b = 0, norm = 0;
+  for (Index r = 0; r < n; ++r) {
+    Value left = value(b, r);
+    double scale = std::abs(left), sum = 0;
+    for (Index c = 0; c < n; ++c) {
+      const Value entry = value(a.values.data(), c * n + r);
+      left -= entry * value(x, c);
+      scale += std::abs(entry) * std::abs(value(x, c));
+      sum += std::abs(entry);
+    }
+    componentwise = std::max(componentwise, std::abs(left) / scale);
+    residual = std::max(residual, std::abs(left));
+    largest_x = std::max(largest_x, std::abs(value(x, r)));
+    largest_b = std::max(largest_b, std::abs(value(b, r)));
+    norm = std::max(norm, sum);
+  }
+  const BackwardError e = op.compute(b, x, nullptr, false);
+  EXPECT_NEAR(e.componentwise, componentwise, 1e-14);
+  EXPECT_NEAR(e.normwise, residual / (norm * largest_x + largest_b), 1e-14);
 }
 
 TEST(Residual, BackwardErrorsOfAHandMadeCase) {

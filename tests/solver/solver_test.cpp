@@ -21,6 +21,33 @@ using reference::Triple;
 using reference::Values;
 using namespace test;
 
+// More right-hand sides than are refined side by side.
+TEST(SolverColumns, ManyAreSolvedEachAsItIsAlone) {
+  const Index n = 60, count = 150;
+  for (const Values values : {Values::positive, Values::general}) {
+    const SparseMatrix a = reference::random_system(n, 4, values, 3);
+    Solver s(two_threads());
+    ASSERT_TRUE(s.analyze(a).status.ok());
+    ASSERT_TRUE(s.factorize(a).status.ok());
+    const std::vector<double> b = reference::random_vector(std::int64_t{n} * count, 7);
+    std::vector<double> x(b.size());
+    const SolveResult all = s.solve(b, x, count);
+    ASSERT_TRUE(all.status.ok()) << all.status.message;
+    EXPECT_LE(reference::backward_error(a, b, x, count, false), 8 * kEps);
+    double worst = 0;
+    for (std::size_t k = 0; k < b.size(); k += n) {
+      const std::vector<double> one(b.begin() + static_cast<std::ptrdiff_t>(k),
+                                    b.begin() + static_cast<std::ptrdiff_t>(k + n));
+      std::vector<double> alone(one.size());
+      const SolveResult r = s.solve(one, alone);
+      worst = std::max(worst, r.backward_error);
+      for (std::size_t i = 0; i < alone.size(); ++i) ASSERT_NEAR(x[k + i], alone[i], 1e-9 * std::abs(alone[i]) + 1e-12);
+    }
+    EXPECT_LE(all.backward_error, 4 * worst + kEps);
+    EXPECT_GE(all.backward_error, worst / 4) << "the largest of all columns";
+  }
+}
+
 // ---- use and misuse -------------------------------------------------------------------------------------------------
 
 TEST(SolverState, CallsOutOfOrderThrow) {
