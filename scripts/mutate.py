@@ -215,7 +215,8 @@ class Group:
             for test in fnmatch.filter(list(tests), self.options.anew):
                 del tests[test]
         jobs = []
-        for program in (p for p in self.programs if p != BITS):
+        asked = [p for name in self.options.only or self.names for p in ROOMS[name][1]]
+        for program in (p for p in self.programs if p != BITS and p in asked):
             tests = self.new_tests(program)
             jobs += [(program, share, tests[share::SHARES]) for share in range(SHARES) if tests[share::SHARES]]
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
@@ -262,9 +263,9 @@ class Group:
     def run(self):
         results = self.of["results"]
         self.past = {(p, t): set(numbers) for p, tests in self.of["tests"].items() for t, (_, numbers) in tests.items()}
-        known = reasons()
-        open_ones = [m["number"] for m in self.of["mutants"] if str(m["number"]) not in results or (
-            self.options.again and not results[str(m["number"])].startswith("killed") and not has_reason(m, known))]
+        known, only = reasons(), self.options.only or self.names
+        open_ones = [m["number"] for m in self.of["mutants"] if m["room"] in only and (str(m["number"]) not in results or (
+            self.options.again and not results[str(m["number"])].startswith("killed") and not has_reason(m, known)))]
         saved = time.monotonic()
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             jobs = {pool.submit(self.judge, n): n for n in open_ones}
@@ -331,6 +332,7 @@ def main():
     parser.add_argument("--slowest", type=float, default=2, help="seconds of a test that is asked, as ctest knows them")
     parser.add_argument("--again", action="store_true")
     parser.add_argument("--anew", default="")
+    parser.add_argument("--only", type=lambda text: text.split(","), help="of the rooms")
     parser.add_argument("--share", action="store_true")
     parser.add_argument("--table", action="store_true")
     options = parser.parse_args()
