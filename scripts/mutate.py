@@ -234,7 +234,7 @@ class Group:
         used = 0.0
         for program, tests in self.of["tests"].items():
             past = [test for test in tests if number in self.past[program, test]]
-            if 0 < len(past) <= SHARES:  # perhaps what a process computes once, for the first test that wants it
+            if len(past) <= 3 * SHARES:  # perhaps what a process computes once, before its tests or for the first of them
                 past += [test for test, (_, numbers) in tests.items() if numbers and test not in past]
             portion, took, size = [], 0, 200
             for ms, test in sorted((tests[test][0], test) for test in past):
@@ -250,15 +250,13 @@ class Group:
                 yield program, portion, took
 
     def judge(self, number):
-        tried = False
         for program, tests, ms in self.portions(number):
-            tried = True
             status = self.run_program(program, ":".join(tests), {"ESPALIER_MUTANT": str(number)}, 5 + 5 * ms / 1000)
             if status:
                 return f"killed: {program} {status}"
         if self.of["bits"] and self.bits(number) != self.of["bits"]:
             return f"killed: {BITS}"
-        return "survived" if tried else "not reached"
+        return "survived" if any(number in numbers for numbers in self.past.values()) else "not reached"
 
     def run(self):
         results = self.of["results"]

@@ -286,11 +286,10 @@ class VtuText {
       data = bytes;
     }
     const bool raw = form_.appended && form_.raw;
-    const std::string coded = raw            ? header + data
-                              : form_.packed ? base64(header) + base64(data)
-                                             : base64(header + data);
+    std::string coded = raw ? header + data : form_.packed ? base64(header) + base64(data) : base64(header + data);
     const std::string tag =
         fmt::format("<DataArray type=\"{}\" Name=\"{}\" NumberOfComponents=\"{}\" ", type, name, components);
+    for (std::size_t k = 24; !form_.appended && !form_.packed && k < coded.size(); k += 26) coded.insert(k, "\r\n");
     if (!form_.appended) return tag + "format=\"binary\">\n  " + coded + "\n</DataArray>\n";
     const std::size_t offset = appended_.size();
     appended_ += coded;
@@ -337,6 +336,9 @@ TEST_F(MeshOther, VtuTextAndMistakes) {
   };
   wrong(">0 1 2 3<", ">0 1 2 4<", 2, "uses point 4");
   wrong(">4<", ">5<", 2, "offset 0 is 5");
+  wrong("NumberOfCells=\"1\"", "NumberOfCells=\"1x\"", 1, "NumberOfCells is '1x', which is no whole number");
+  wrong("NumberOfCells=\"1\"", "NumberOfCells=\"/1\"", 1, "NumberOfCells is '/1', which is no whole number");
+  wrong("type=\"UInt8\"", "type=UInt8", 2, "the value of type has no quotation marks");
   wrong(">10<", ">71<", 1, "VTK type 71");
   wrong("NumberOfPoints=\"4\"", "NumberOfPoints=\"400000000000\"", 2, "announces 400000000000 points");
   wrong("</Piece>", "</Piece></Piece>", 2, "</Piece> without <Piece>");
