@@ -231,13 +231,15 @@ class Group:
 
     def portions(self, number):
         """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to --seconds."""
-        used = 0.0
-        for program, tests in self.of["tests"].items():
-            past = [test for test in tests if number in self.past[program, test]]
-            if len(past) <= 3 * SHARES:  # perhaps what a process computes once, before its tests or for the first of them
-                past += [test for test, (_, numbers) in tests.items() if numbers and test not in past]
+        past = {program: [test for test in tests if number in self.past[program, test]] for program, tests in self.of["tests"].items()}
+        lists = list(past.items())
+        if sum(map(len, past.values())) <= 3 * SHARES:  # perhaps what a process computes once, before its tests or for the first
+            lists += [(program, [test for test, (_, numbers) in tests.items() if numbers and test not in past[program]])
+                      for program, tests in self.of["tests"].items()]
+        used = 0
+        for program, names in lists:
             portion, took, size = [], 0, 200
-            for ms, test in sorted((tests[test][0], test) for test in past):
+            for ms, test in sorted((self.of["tests"][program][test][0], test) for test in names):
                 if used + ms > 1000 * self.options.seconds and used > 0:
                     break
                 used += ms
