@@ -222,7 +222,7 @@ class Group:
         with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
             for name, tests, lines in pool.map(one, jobs):
                 of_program = self.of["tests"].setdefault(name, {})
-                of_program.update({test: [0, []] for test in tests})
+                of_program.update({test: [-1, []] for test in tests})  # failed or skipped, unless it says more
                 for line in lines:
                     test, passed, ms, *numbers = line.split()
                     if passed == "1":
@@ -231,11 +231,12 @@ class Group:
 
     def portions(self, number):
         """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to --seconds."""
-        past = {program: [test for test in tests if number in self.past[program, test]] for program, tests in self.of["tests"].items()}
+        asked = self.of["tests"].items()
+        past = {program: [test for test in tests if number in self.past[program, test]] for program, tests in asked}
         lists = list(past.items())
-        if sum(map(len, past.values())) <= 3 * SHARES:  # perhaps what a process computes once, before its tests or for the first
-            lists += [(program, [test for test, (_, numbers) in tests.items() if numbers and test not in past[program]])
-                      for program, tests in self.of["tests"].items()]
+        if sum(map(len, past.values())) <= 3 * SHARES:  # perhaps what a process computes once, for the first test that wants it
+            lists += [(program, [test for test, (ms, _) in tests.items() if ms >= 0 and test not in past[program]])
+                      for program, tests in asked]
         used = 0
         for program, names in lists:
             portion, took, size = [], 0, 200

@@ -1,6 +1,7 @@
 /// \file
-/// Linked into test programs by scripts/mutate.py. ESPALIER_MUTANT is the number of a mutant; with ESPALIER_MUTANTS_REACHED,
-/// each test appends a line to that file: its name, whether it passed, its milliseconds, the mutants that it came past.
+/// Linked into test programs by scripts/mutate.py. ESPALIER_MUTANT is the number of a mutant; with
+/// ESPALIER_MUTANTS_REACHED, each test appends a line to that file: its name, whether it passed, its milliseconds, the
+/// mutants that it came past.
 #include "mutate_runtime.hpp"
 
 #include <gtest/gtest.h>
@@ -35,10 +36,15 @@ class Listener : public testing::EmptyTestEventListener {
   }
 };
 
-const bool started = [] {
+// Before tables that are made when the program starts.
+[[gnu::constructor(101)]] void choose() {
   if (const char* number = std::getenv("ESPALIER_MUTANT")) chosen = std::atoi(number);
+}
+
+const bool started = [] {
   if (std::getenv("ESPALIER_MUTANTS_REACHED")) {
-    void* shared = mmap(nullptr, kMost, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);  // with forked children
+    void* shared =
+        mmap(nullptr, kMost, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);  // with forked children
     reached = static_cast<unsigned char*>(shared);
     testing::UnitTest::GetInstance()->listeners().Append(new Listener);
   }
