@@ -282,7 +282,7 @@ slow_dynamics+=":All/Parts.UnknownsFollowTheWish/*:Laws/FreeFlight.*:Convergence
 slow_dynamics+=":StepErrors.*:StaticsTurns.*:StaticsBranches.*:ModelHold.NothingIsStrainedWhateverThePlaceOfTheJoint:ContactGears.*"
 slow_dynamics+=":ModelHarmonicTruth.*:ContactSelf.TangentIs*:ContactSelf.Ends*:ContactSelf.SymmetryStays:ContactLines.Capstan*:ContactLineFriction.*:ContactShells.*:*shell_on_hex8*"
 slow_dynamics+=":Refinement.Elements*:Objectivity.OfAnEquilibrium:Objectivity.OfAMotionWith*:TurnedFactor.ServesMost*:Vectors.IntegratorsGive*:ContactHertz.*"
-slow_dynamics+=":StateForces.TangentsAgree*:Device*.TheHostGoesOnWherever*:HeldSteps.OfASteelBeam*:Vibrations.DampingIsTaken*"
+slow_dynamics+=":ModelTangents.*:StateForces.TangentsAgree*:Device*.TheHostGoesOnWherever*:HeldSteps.OfASteelBeam*:Vibrations.DampingIsTaken*"
 slow_dynamics+=":DocsExamples.TheFirstOneIsConverged:Switches.ThinWallsAreNotPassed:Erosion.BitsDoNot*:Erosion.ReleasedEnds*:Erosion.Restarted*"
 # ... and motions on emulated GPUs, of which one of each kind is left.
 slow_dynamics+=":DeviceMotion.*GoesAsOnTheHost:DeviceMotion.TurnedFactors*:DeviceMotion.TheHost*:DeviceMotion.GoesOn*"

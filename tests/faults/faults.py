@@ -153,7 +153,7 @@ def complaints(run, truth, always, answers, old, how):
         own = path.startswith(str(run.folder)) and call != "pthread_create"
         plain = re.sub(r"(\.\d+-\d+)?\.espalier\.part$|\.part$|\.written$", "", name)
         inside = case.scratch and path.startswith(str(run.folder / case.scratch))
-        # Of a full disk, the message may be about what comes later: the page of a run is no failure.
+        # On a full disk the message may be about what comes later: a run does not fail for want of its page.
         if own and not inside and plain not in run.errors and not (how == "on" and str(run.folder) in run.errors):
             found.append(f"the message does not name {plain}: {run.errors.strip()}")
     files = run.files()

@@ -125,7 +125,7 @@ std::vector<Case> cases() {
   return list;
 }
 
-constexpr long kEvery = test::rounds(1L, 3L);  // a hundred times slower
+constexpr long kEvery = espalier::test::rounds(1L, 3L);  // a hundred times slower
 
 TEST(Allocation, EveryOneFailsOnce) {
   for (const Case& c : cases()) {
@@ -143,7 +143,7 @@ TEST(Allocation, EveryOneFailsOnce) {
     const std::vector<double> good = x;
     long failures = 0;
     Solver s(c.options);
-    constexpr long kStep = test::rounds(1L, 13L);
+    constexpr long kStep = espalier::test::rounds(1L, 13L);
     for (long k = 0; k < total; k += kStep) {
       allocations_left = k;
       const StatusCode code = run(s, c, b, x);
@@ -272,7 +272,7 @@ TEST(Allocation, NothingStaysBehindAFailure) {
     const long total = allocations;
     ASSERT_GT(total, 50);
     // What is made once and kept may be made only now, when the other thread happens to come in time: that is no leak.
-    for (long k = 0; k < total; k += test::rounds(2L, 11L)) {
+    for (long k = 0; k < total; k += espalier::test::rounds(2L, 11L)) {
       if (once(k) == 0) continue;
       ASSERT_EQ(once(k), 0) << "allocation " << k;
     }

@@ -215,7 +215,7 @@ TEST(CraftedAnalysis, IsRefusedOrGivesTheRightAnswer) {
     write_file(path, truth.file);
     EXPECT_FALSE(refused_or_right(path, truth)) << "the file itself";
     int refused = 0;
-    constexpr int kCases = test::rounds(500, 80);
+    constexpr int kCases = espalier::test::rounds(500, 80);
     for (int k = 0; k < kCases && !::testing::Test::HasFailure(); ++k) {
       SCOPED_TRACE("values " + std::to_string(static_cast<int>(values)) + ", seed " + std::to_string(k));
       write_file(path, Attacker(static_cast<std::uint64_t>(k)).change(truth.file));

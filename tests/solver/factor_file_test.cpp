@@ -349,7 +349,8 @@ TEST_F(FactorFile, EveryDamageIsFound) {
   ASSERT_GT(good.size(), 1000U);
   std::vector<std::size_t> places;
   for (std::size_t k = 0; k < 160; ++k) places.push_back(k);  // heads, sizes, first numbers
-  for (std::size_t k = 160; k < good.size(); k += 1 + good.size() / test::rounds(200, 50)) places.push_back(k);
+  for (std::size_t k = 160; k < good.size(); k += 1 + good.size() / espalier::test::rounds(200, 50))
+    places.push_back(k);
   for (std::size_t k = 1; k <= 16; ++k) places.push_back(good.size() - k);
   for (const std::size_t place : places)
     for (const int mask : {0x01, 0x80}) {

@@ -89,7 +89,7 @@ TEST(Interrupt, AtEveryBorderOfWorkTheSolverStaysUsable) {
     const long borders = caller.asked;
     ASSERT_GT(borders, 20);
     long in_analysis = 0, in_factor = 0, in_solve = 0;
-    const long step = std::max(1L, borders / test::rounds(50L, 20L));
+    const long step = std::max(1L, borders / espalier::test::rounds(50L, 20L));
     for (long k = 1; k <= borders; k += step) {
       SCOPED_TRACE(k);
       caller = {0, k};

@@ -68,11 +68,11 @@ TEST(PartialRefactorization, HasTheBitsOfAWholeOne) {
         partial.threads = v.threads;
         full.threads = std::string(v.device) == "cpu" ? 2 : 3;
         Shares shares;
-        expect_bits_of_all<Solver>(partial, full, a, seed, test::rounds(25, 8), &shares);
+        expect_bits_of_all<Solver>(partial, full, a, seed, espalier::test::rounds(25, 8), &shares);
         if (testing::Test::HasFailure()) return;
         some += shares.some;
       }
-  EXPECT_GT(some, test::rounds(800, 150));
+  EXPECT_GT(some, espalier::test::rounds(800, 150));
 }
 
 TEST(PartialRefactorization, OfComplexSystemsToo) {

@@ -45,9 +45,9 @@ TEST_F(RestartFiles, EveryFlippedBitIsSeen) {
   EXPECT_TRUE(load(kPendulum).first.ok());
   std::mt19937 random(15);
   std::vector<std::size_t> bits;
-  for (std::size_t bit = 0; bit < 8U * 64; bit += test::rounds(1, 5))
+  for (std::size_t bit = 0; bit < 8U * 64; bit += espalier::test::rounds(1, 5))
     bits.push_back(bit);  // the head, and some anywhere
-  for (int k = 0; k < test::rounds(300, 60); ++k) bits.push_back(random() % (8 * content_.size()));
+  for (int k = 0; k < espalier::test::rounds(300, 60); ++k) bits.push_back(random() % (8 * content_.size()));
   for (const std::size_t bit : bits) {
     std::string damaged = content_;
     damaged[bit / 8] = static_cast<char>(damaged[bit / 8] ^ (1 << bit % 8));
@@ -96,7 +96,7 @@ TEST_F(RestartFiles, NumbersThatNoRunWrites) {
   };
   constexpr std::size_t kState = 17, kStateEnd = kState + 1 + 7 + 6 + 6 + 5;  // behind the counts: t, q, v, a, lambda
   ASSERT_GT(numbers, kStateEnd);
-  for (std::size_t k = 0; k < numbers; k += test::rounds(1, 3)) {
+  for (std::size_t k = 0; k < numbers; k += espalier::test::rounds(1, 3)) {
     set_number(k, std::numeric_limits<double>::quiet_NaN());
     const Status status = load(kPendulum).first;
     if (k >= kState && k < kStateEnd) {
