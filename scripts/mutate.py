@@ -231,7 +231,9 @@ class Group:
 
     def portions(self, number):
         """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to --seconds."""
-        asked = self.of["tests"].items()
+        room = next(m["room"] for m in self.of["mutants"] if m["number"] == number)
+        own = ROOMS[room][1]  # its own programs first
+        asked = sorted(self.of["tests"].items(), key=lambda item: own.index(item[0]) if item[0] in own else len(own))
         past = {program: [test for test in tests if number in self.past[program, test]] for program, tests in asked}
         lists = list(past.items())
         if sum(map(len, past.values())) <= 3 * SHARES:  # perhaps what a process computes once, for the first test that wants it
