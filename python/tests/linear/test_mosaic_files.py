@@ -1,6 +1,7 @@
 """The solver files for Mosaic, without Mosaic. Truth: fields that finite elements hold exactly, scipy, differences."""
 
 import importlib.util
+import threading
 from pathlib import Path
 
 import numpy as np
@@ -132,3 +133,26 @@ def test_faces_between_cells_take_no_load():
     everywhere = np.ones(len(points), dtype=int)
     model = hex8.Hex8Model(points, cells, None, points[:, 0] < 1e-9)
     assert abs(model.surface_load(everywhere, np.array([[1.0]])).sum() - 10.0) < 1e-12  # the surface of 2 x 1 x 1
+
+
+def test_threads_do_not_solve_with_the_factors_of_others():
+    points, cells = grid(3, 2, 2)
+    given = inputs(points, cells, points[:, 0] < 1e-9, np.array([[0.0]]), points[:, 0] > 2 - 1e-9, np.array([[1.0]]))
+    turns, found = threading.Barrier(2), {}
+
+    def work(conductivity):
+        problem = hex8.Hex8Inputs(given, lambda: None, "heat")
+        turns.wait()
+        for _ in range(20):
+            problem.model.factorize(np.full(len(cells), conductivity))
+            turns.wait()  # both have factorized before either solves
+            found.setdefault(conductivity, []).append(problem.model.solve(problem.load).max())
+            turns.wait()
+
+    threads = [threading.Thread(target=work, args=(k,)) for k in (1.0, 4.0)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for conductivity, values in found.items():
+        assert len(values) == 20 and np.allclose(values, 2 / conductivity, rtol=1e-12)

@@ -7,6 +7,7 @@ same shape functions. Nodes follow VTK's order, all numbers are SI or any consis
 """
 
 import hashlib
+import threading
 
 import espalier
 import numpy as np
@@ -152,9 +153,10 @@ class Hex8Model:
 
 
 class Hex8Inputs:
-    """What the schemas of Mosaic's mesh domains say: mesh, supports, loads. Models of the last meshes are kept."""
+    """What the schemas of Mosaic's mesh domains say: mesh, supports, loads. Each thread keeps the models of its last meshes,
+    so that no call solves with the factor of another one."""
 
-    _models = {}
+    _kept = threading.local()
 
     def __init__(self, inputs, law, material):
         """inputs: of a schema as a dictionary. law(): as for Hex8Model; material: what the law depends on."""
@@ -166,11 +168,13 @@ class Hex8Inputs:
         key = hashlib.sha256(repr(material).encode())
         for array in (points, cells, groups > 0):
             key.update(repr(array.shape).encode() + np.ascontiguousarray(array).tobytes())
-        if key.digest() not in self._models:
-            while len(self._models) >= 4:
-                self._models.pop(next(iter(self._models)))
-            self._models[key.digest()] = Hex8Model(points, cells, law(), groups > 0)
-        self.model = self._models[key.digest()]
+        models = self._kept.__dict__
+        name = key.hexdigest()
+        if name not in models:
+            while len(models) >= 4:
+                models.pop(next(iter(models)))
+            models[name] = Hex8Model(points, cells, law(), groups > 0)
+        self.model = models[name]
         self.prescribed = np.zeros((len(points), self.model.unknowns))
         if supports is not None:
             self.prescribed[groups > 0] = supports[groups[groups > 0] - 1]
