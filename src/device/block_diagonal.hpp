@@ -2,6 +2,9 @@
 /// The inverse of D of L D L^T, whose blocks are 1x1 and 2x2.
 #pragma once
 
+#include <span>
+#include <vector>
+
 #include "base/scalar.hpp"
 #include "espalier/types.hpp"
 
@@ -28,6 +31,22 @@ void apply_inverse_d(const T* d, const T* e, Index rows, Index columns, T* x, bo
     }
     ++k;
   }
+}
+
+/// By row, whether it brings a negative eigenvalue of D; a 2x2 block has two rows.
+template <class T>
+std::vector<char> negative_of_inverse(std::span<const T> d, std::span<const T> e) {
+  std::vector<char> negative(d.size());
+  for (std::size_t k = 0; k < d.size(); ++k) {
+    negative[k] = d[k] < T(0) ? 1 : 0;
+    if (e[k] == T(0)) continue;
+    // Of one sign each where the block's determinant is negative, else both of its trace's.
+    const bool of_each = (d[k] / e[k]) * (d[k + 1] / e[k]) < T(1);
+    if (of_each) negative[k] = 1;
+    negative[k + 1] = of_each ? 0 : negative[k];
+    ++k;
+  }
+  return negative;
 }
 
 }  // namespace espalier::device

@@ -4,7 +4,7 @@
 #include "device/host/host_executor.hpp"
 #include "device/host/out_of_core/backend.hpp"
 #include "device/host/pivot_placement.hpp"
-#include "device/host/rank_executor.hpp"
+#include "device/host/ranks/rank_executor.hpp"
 #include "out_of_core/factory.hpp"
 
 namespace espalier::device::host {

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <limits>
-#include <numeric>
 
 #include "device/block_diagonal.hpp"
 
@@ -12,9 +10,6 @@ namespace espalier::device::host {
 namespace {
 
 using plan::FrontLayout;
-
-// Fronts with more entries of the factor are split into tiles.
-constexpr Offset kSplitEntries = 1 << 18;
 
 // A row of `nr` numbers, of which there is one as a rule.
 template <class T>
@@ -35,73 +30,17 @@ TriangularSolve<T>::TriangularSolve(NumericState<T>& state, base::ThreadPool& po
       pool_(pool),
       budget_(budget),
       sharing_(sharing),
+      schedule_(plan_, sharing),
       tile_done_(plan_.tiles()),
       front_done_(plan_.fronts()),
       open_(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(plan_.fronts()))) {
-  list_tasks();
-  place_contributions();
-  if (sharing_ != nullptr) place_others();
   prepare(1);
-}
-
-template <class T>
-void TriangularSolve<T>::list_tasks() {
-  const Index fronts = plan_.fronts();
-  std::vector<Offset> entries(static_cast<std::size_t>(fronts), 0);
-  std::vector<Index> begin(static_cast<std::size_t>(fronts));
-  front_tiles_.assign(static_cast<std::size_t>(fronts), 1);
-  for (Index f = 0; f < fronts; ++f) {
-    const FrontLayout& l = plan_.layout[f];
-    largest_front_rows_ = std::max(largest_front_rows_, static_cast<Index>(l.padded_begin(l.tiles)));
-    for (Index i = 0; i < l.tiles; ++i)
-      largest_tile_ = std::max(largest_tile_, static_cast<Index>(l.padded(l.width(i))));
-    entries[f] += l.factor_size();
-    begin[f] = f;
-    for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c) {
-      begin[f] = std::min(begin[f], begin[plan_.children[c]]);
-      entries[f] += entries[plan_.children[c]];
-    }
-  }
-  const auto small = [&](Index f) {
-    return entries[f] <= kSolveTaskEntries && (sharing_ == nullptr || sharing_->is_alone(f));
-  };
-  for (Index f = 0; f < fronts; ++f) {
-    if (sharing_ != nullptr && !sharing_->takes(f)) continue;
-    const Index parent = plan_.tree.parent[f];
-    const FrontLayout& l = plan_.layout[f];
-    if (small(f)) {
-      if (parent < 0 || !small(parent)) forward_.push_back({f, begin[f], -1});
-    } else if (l.factor_size() <= kSplitEntries || l.tiles < 3) {
-      forward_.push_back({f, f, -1});
-    } else {
-      front_tiles_[f] = l.tiles;
-      for (Index i = 0; i < l.tiles; ++i) forward_.push_back({f, f, i});
-    }
-  }
-  // Deepest tier first: what is ready together stands together.
-  std::stable_sort(forward_.begin(), forward_.end(),
-                   [&](const SolveTask& a, const SolveTask& b) { return plan_.tier[a.front] > plan_.tier[b.front]; });
-  list_backward();
-}
-
-template <class T>
-void TriangularSolve<T>::list_backward() {
-  backward_.clear();
-  // Backwards, only the pivot columns of a split front have work.
-  for (auto t = forward_.rbegin(); t != forward_.rend(); ++t)
-    if (t->tile < plan_.layout[t->front].pivot_tiles) backward_.push_back(*t);
 }
 
 template <class T>
 void TriangularSolve<T>::set_reader(out_of_core::FrontReader* reader) {
   reader_ = reader;
-  const auto place = [&](const SolveTask& task) {
-    const Offset at = reader->order()[static_cast<std::size_t>(task.front)];
-    return at < 0 ? std::numeric_limits<Offset>::max() : at;
-  };
-  std::stable_sort(forward_.begin(), forward_.end(),
-                   [&](const SolveTask& a, const SolveTask& b) { return place(a) < place(b); });
-  list_backward();
+  schedule_.follow(reader->order());
 }
 
 // Tells a reader what the sweep to come reads.
@@ -112,54 +51,17 @@ void TriangularSolve<T>::begin_way(bool up) {
   const auto add = [&](Index f) {
     if (up ? passes_up(f) : passes_down(f)) fronts.push_back(f);
   };
-  for (const SolveTask& task : up ? forward_ : backward_) {
+  for (const SolveTask& task : up ? schedule_.forward() : schedule_.backward()) {
     if (task.tile >= 0 && !fronts.empty() && fronts.back() == task.front) continue;
     for (Index k = 0; k <= task.front - task.begin; ++k) add(up ? task.begin + k : task.front - k);
   }
   reader_->begin_way(fronts, s_.kind == Kind::lu && up == transpose_);
 }
 
-// Inside a range the children of a front are on top of the stack when their parent is reached, and it takes their
-// place.
-template <class T>
-void TriangularSolve<T>::place_contributions() {
-  const auto fronts = static_cast<std::size_t>(plan_.fronts());
-  place_.assign(fronts, 0);
-  on_stack_.assign(fronts, 0);
-  for (const SolveTask& task : forward_) {
-    Offset top = 0;
-    for (Index f = task.begin; f < task.front; ++f) {
-      for (Offset c = plan_.child_ptr[f]; c < plan_.child_ptr[f + 1]; ++c)
-        top -= plan_.layout[plan_.children[c]].below();
-      on_stack_[f] = 1;
-      place_[f] = top;
-      top += plan_.layout[f].below();
-      stack_rows_ = std::max(stack_rows_, top);
-    }
-    if (task.tile > 0) continue;
-    place_[task.front] = contribution_rows_;
-    contribution_rows_ += plan_.layout[task.front].below();
-  }
-}
-
-// What comes from children that other ranks take.
-template <class T>
-void TriangularSolve<T>::place_others() {
-  for (const SolveTask& task : forward_) {
-    if (task.tile > 0 || sharing_->is_alone(task.front)) continue;
-    for (Offset c = plan_.child_ptr[task.front]; c < plan_.child_ptr[task.front + 1]; ++c) {
-      const Index child = plan_.children[c];
-      if (sharing_->takes(child)) continue;
-      place_[child] = contribution_rows_;
-      contribution_rows_ += plan_.layout[child].below();
-    }
-  }
-}
-
 template <class T>
 void TriangularSolve<T>::take(Index front, const std::byte* rows) {
   const auto bytes = static_cast<std::size_t>(Offset{plan_.layout[front].below()} * nr_) * sizeof(T);
-  std::memcpy(contributions_.data() + place_[front] * nr_, rows, bytes);
+  std::memcpy(contributions_.data() + schedule_.place(front) * nr_, rows, bytes);
   front_done_.set(front);
 }
 
@@ -168,14 +70,14 @@ void TriangularSolve<T>::prepare(Index nr) {
   if (nr <= allocated_nr_) return;
   allocated_nr_ = 0;  // until everything below has been taken
   contributions_ = base::Buffer<T>();
-  contributions_ = base::Buffer<T>(contribution_rows_ * nr, budget_);
+  contributions_ = base::Buffer<T>(schedule_.contribution_rows() * nr, budget_);
   workers_.clear();
   workers_.reserve(static_cast<std::size_t>(pool_.size()));
   for (int t = 0; t < pool_.size(); ++t) {
     Worker w;
-    w.front = base::Buffer<T>((static_cast<Offset>(largest_front_rows_) + kPanel<T>)*nr, budget_);
-    w.tile = base::Buffer<T>(2 * static_cast<Offset>(largest_tile_) * nr, budget_);
-    w.stack = base::Buffer<T>(stack_rows_ * nr, budget_);
+    w.front = base::Buffer<T>((static_cast<Offset>(schedule_.largest_front_rows()) + kPanel<T>)*nr, budget_);
+    w.tile = base::Buffer<T>(2 * static_cast<Offset>(schedule_.largest_tile()) * nr, budget_);
+    w.stack = base::Buffer<T>(schedule_.stack_rows() * nr, budget_);
     workers_.push_back(std::move(w));
   }
   allocated_nr_ = nr;
@@ -192,15 +94,15 @@ void TriangularSolve<T>::run(T* x, Index nr, bool transpose, const FrontPaths* p
     tile_done_.reset();
     front_done_.reset();
     for (Index f = 0; f < plan_.fronts(); ++f)
-      open_[f].store(back && front_tiles_[f] > 1 ? plan_.layout[f].pivot_tiles : front_tiles_[f],
+      open_[f].store(back && schedule_.tiles(f) > 1 ? plan_.layout[f].pivot_tiles : schedule_.tiles(f),
                      std::memory_order_relaxed);
   };
   reset(false);
   begin_way(true);
-  sweep(forward_, &TriangularSolve::forward);
+  sweep(schedule_.forward(), &TriangularSolve::forward);
   reset(true);
   begin_way(false);
-  sweep(backward_, &TriangularSolve::backward);
+  sweep(schedule_.backward(), &TriangularSolve::backward);
 }
 
 template <class T>
@@ -273,7 +175,7 @@ void TriangularSolve<T>::forward(const SolveTask& task, Worker& w) {
 
 template <class T>
 void TriangularSolve<T>::finish_forward(Index f) {
-  if (sharing_ != nullptr) sharing_->made(f, contributions_.data() + place_[f] * nr_, nr_);
+  if (sharing_ != nullptr) sharing_->made(f, contributions_.data() + schedule_.place(f) * nr_, nr_);
 }
 
 template <class T>
@@ -303,10 +205,11 @@ const T* TriangularSolve<T>::upper(Index f, Index i, Index j) const {
 }
 
 template <class T>
-void TriangularSolve<T>::finish_tile(Index f, Index tile) {
+void TriangularSolve<T>::finish_tile(Index f, Index tile, bool up) {
   tile_done_.set(plan_.first_tile[f] + tile);
   if (open_[f].fetch_sub(1, std::memory_order_acq_rel) != 1) return;
   done(f);
+  if (up) finish_forward(f);
   front_done_.set(f);
 }
 
@@ -320,7 +223,7 @@ void TriangularSolve<T>::add_children(Index f, Index begin, Index end, T* to, co
     const Index* relative = plan_.places_in_parent(child);
     const Index below = plan_.layout[child].below();
     const auto first = static_cast<Index>(std::lower_bound(relative, relative + below, begin) - relative);
-    const T* from = (on_stack_[child] != 0 ? w.stack.data() : contributions_.data()) + place_[child] * nr_;
+    const T* from = (schedule_.on_stack(child) ? w.stack.data() : contributions_.data()) + schedule_.place(child) * nr_;
     if (nr_ == 1) {
       for (Index r = first; r < below && relative[r] < end; ++r) to[relative[r] - begin] += from[r];
       continue;
@@ -369,8 +272,7 @@ void TriangularSolve<T>::divide_backward(Index f, Index j, const T* b, T* y) con
     return;
   }
   const std::int32_t* perm = s_.pivot_order.data() + at;
-  const Index nr = nr_;
-  for (Index k = 0; k < n; ++k) copy_row(y + static_cast<Offset>(k) * nr, nr, x + static_cast<Offset>(perm[k]) * nr);
+  for (Index k = 0; k < n; ++k) copy_row(y + Offset{k} * nr_, nr_, x + Offset{perm[k]} * nr_);
 }
 
 // A whole front at once, one block column after another: the factor is read in the order in which it is stored.
@@ -386,7 +288,7 @@ void TriangularSolve<T>::forward_front(Index f, Worker& w) {
   add_children(f, 0, l.pivots, t, w);
   add_children(f, l.pivots, l.rows, t + below_at * nr_, w);
   T* y = w.tile.data();
-  T* scratch = y + static_cast<Offset>(largest_tile_) * nr_;
+  T* scratch = y + static_cast<Offset>(schedule_.largest_tile()) * nr_;
   for (Index j = 0; j < l.pivot_tiles; ++j) {
     const Index n = l.width(j);
     divide_forward(f, j, t + static_cast<Offset>(l.begin(j)) * nr_, y, scratch);
@@ -395,7 +297,7 @@ void TriangularSolve<T>::forward_front(Index f, Worker& w) {
       s_.dense.apply(rows - l.padded_begin(j + 1), n, nr_, lower(f, j + 1, j), y, t + l.padded_begin(j + 1) * nr_);
   }
   std::copy_n(t + below_at * nr_, static_cast<Offset>(l.below()) * nr_,
-              (on_stack_[f] != 0 ? w.stack.data() : contributions_.data()) + place_[f] * nr_);
+              (schedule_.on_stack(f) ? w.stack.data() : contributions_.data()) + schedule_.place(f) * nr_);
 }
 
 // The rows of x_ below the pivots of front f. @return how many: those of a border are zero
@@ -452,16 +354,12 @@ void TriangularSolve<T>::forward_tile(Index f, Index i, Worker& w) {
   }
   if (pivot) {
     T* y = w.tile.data();
-    divide_forward(f, i, t, y, y + static_cast<Offset>(largest_tile_) * nr_);
+    divide_forward(f, i, t, y, y + static_cast<Offset>(schedule_.largest_tile()) * nr_);
     std::copy_n(y, static_cast<Offset>(n) * nr_, x + static_cast<Offset>(begin) * nr_);
   } else {
-    std::copy_n(t, static_cast<Offset>(n) * nr_, contributions_.data() + (place_[f] + begin - l.pivots) * nr_);
+    std::copy_n(t, static_cast<Offset>(n) * nr_, contributions_.data() + (schedule_.place(f) + begin - l.pivots) * nr_);
   }
-  tile_done_.set(plan_.first_tile[f] + i);
-  if (open_[f].fetch_sub(1, std::memory_order_acq_rel) != 1) return;
-  done(f);
-  finish_forward(f);
-  front_done_.set(f);
+  finish_tile(f, i, true);
 }
 
 // One tile column of a split front: t = z_j - sum over i > j of U(j, i) x_i; the rows below the pivots come first,
@@ -491,8 +389,8 @@ void TriangularSolve<T>::backward_tile(Index f, Index j, Worker& w) {
   }
   // The padding of t is read by the transposed inverse and must be finite.
   std::fill_n(t + static_cast<Offset>(n) * nr_, (l.padded(n) - n) * nr_, T(0));
-  divide_backward(f, j, t, t + static_cast<Offset>(largest_tile_) * nr_);
-  finish_tile(f, j);
+  divide_backward(f, j, t, t + static_cast<Offset>(schedule_.largest_tile()) * nr_);
+  finish_tile(f, j, false);
 }
 
 #define ESPALIER_INSTANTIATE(T) template class TriangularSolve<T>;

@@ -8,32 +8,15 @@
 
 #include "base/thread_pool.hpp"
 #include "device/host/numeric_state.hpp"
+#include "device/host/solve_schedule.hpp"
 #include "out_of_core/front_reader.hpp"
 
 namespace espalier::device::host {
 
-/// A sub-tree of at most so many entries of the factor is one task: half a megabyte is some 30 microseconds of memory
-/// traffic, a hundred times what handing out a task costs.
-inline constexpr Offset kSolveTaskEntries = 1 << 16;
-
-/// One unit of work of a substitution: a range of fronts (begin .. front, a sub-tree), one front (begin == front), or
-/// one tile row (forward) or tile column (backward) of a front (tile >= 0).
-struct SolveTask {
-  Index front;
-  Index begin;
-  Index tile;
-};
-
-/// The share of a solve that several ranks share: which fronts this one takes, and what others do not have. A rank
-/// takes its sub-trees, and all of the top above them, as others do who have sub-trees there: the same numbers
-/// everywhere.
+/// What others of the ranks that share a solve do not have.
 template <class T>
-class SolveSharing {
+class SolveSharing : public SolveShare {
  public:
-  virtual ~SolveSharing() = default;
-  [[nodiscard]] virtual bool takes(Index front) const = 0;
-  /// Whether the front belongs to a sub-tree of this rank alone.
-  [[nodiscard]] virtual bool is_alone(Index front) const = 0;
   /// On the way up, by any thread: the contribution of a front that this rank takes is there, `rows` x `columns`.
   virtual void made(Index front, const T* rows, Index columns) = 0;
   /// In the thread that calls: drives messages until `done`.
@@ -74,8 +57,6 @@ class TriangularSolve {
     return paths_ == nullptr || paths_->down[static_cast<std::size_t>(f)] != 0;
   }
   void run(T* x, Index nr, bool transpose, const FrontPaths* paths);
-  void list_tasks();
-  void list_backward();
   void begin_way(bool up);
   void need(Index f) {
     if (reader_ != nullptr) reader_->need(f);
@@ -83,7 +64,6 @@ class TriangularSolve {
   void done(Index f) {
     if (reader_ != nullptr) reader_->done(f);
   }
-  void place_contributions();
   void sweep(const std::vector<SolveTask>& tasks, void (TriangularSolve::*one)(const SolveTask&, Worker&));
   void forward(const SolveTask& task, Worker& w);
   void backward(const SolveTask& task, Worker& w);
@@ -99,9 +79,8 @@ class TriangularSolve {
   void divide_backward(Index f, Index j, const T* b, T* y) const;
   [[nodiscard]] const T* lower(Index f, Index i, Index j) const;  // tile of the matrix of the forward sweep
   [[nodiscard]] const T* upper(Index f, Index i, Index j) const;  // tile whose transpose the backward sweep applies
-  void finish_tile(Index f, Index tile);
+  void finish_tile(Index f, Index tile, bool up);
   void finish_forward(Index f);
-  void place_others();
 
   NumericState<T>& s_;
   const plan::Plan& plan_;
@@ -109,14 +88,8 @@ class TriangularSolve {
   base::MemoryBudget* budget_;
   SolveSharing<T>* sharing_;
   out_of_core::FrontReader* reader_ = nullptr;  // null: all of the factor is in memory
-  std::vector<SolveTask> forward_, backward_;
-  std::vector<Index> front_tiles_;  // fronts: number of tile tasks of a split front, 1 otherwise
-  Index largest_front_rows_ = 0, largest_tile_ = 0;
-  // Where a front's contribution to its parent lies, in rows: on the worker's stack when both are in one range.
-  std::vector<Offset> place_;   // fronts
-  std::vector<char> on_stack_;  // fronts
-  Offset contribution_rows_ = 0, stack_rows_ = 0;
-  base::Buffer<T> contributions_;  // contribution_rows_ x nr
+  SolveSchedule schedule_;
+  base::Buffer<T> contributions_;  // contribution_rows() x nr
   std::vector<Worker> workers_;
   Index allocated_nr_ = 0;
   Progress tile_done_, front_done_;

@@ -3,7 +3,7 @@
 #include <algorithm>
 
 #include "device/host/host_executor.hpp"
-#include "device/host/triangular_solve.hpp"
+#include "device/host/solve_schedule.hpp"
 
 namespace espalier::device::host {
 

@@ -9,6 +9,7 @@
 #include "analysis/relocation.hpp"
 #include "solver/factor/factor.hpp"
 #include "solver/factor/pivot_policy.hpp"
+#include "solver/factor/pivot_search.hpp"
 #include "solver/ranks/whole_plan.hpp"
 
 namespace espalier::solver {

@@ -3,17 +3,18 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
-#include <type_traits>
 #include <vector>
 
 #include "analysis/border.hpp"
 #include "base/at.hpp"
 #include "base/scalar.hpp"
 #include "base/stage.hpp"
+#include "device/block_diagonal.hpp"
+#include "solver/factor/inverse_entries.hpp"
+#include "solver/factor/linear_system_arrays.hpp"
 #include "solver/factor/pivot_policy.hpp"
 #include "solver/factor/reached_fronts.hpp"
 #include "solver/options/executor_choice.hpp"
-#include "solver/ranks/whole_plan.hpp"
 #include "solver/solution/plan_rows.hpp"
 #include "solver/solution/plan_vectors.hpp"
 
@@ -214,49 +215,10 @@ class NumericOf final : public Numeric {
                        [&](const device::PathSolve<T>& one) { return executor_->solve_on_paths(one); });
   }
 
-  // B^-1(c, c') is scaled back to the entry (c, i) of A^-1 for the row i that is matched to c'. Of a real form the
-  // first column of its blocks tells both parts.
   bool invert_at(std::span<const Index> unknowns, std::span<const Index> rows, double* values,
                  std::span<char> known) override {
-    constexpr std::size_t kParts = kRealForm ? 2 : 1;
-    const auto n = static_cast<std::size_t>(plan_->tree.n);
-    std::vector<Index> position(n), column(static_cast<std::size_t>(prepared_.n()));
-    const auto over = [&](std::int64_t count, auto&& use) {
-      constexpr std::int64_t kGrain = 1 << 16;
-      pool_.for_each_range(count, kGrain, [&](std::int64_t begin, std::int64_t end) {
-        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) use(k);
-      });
-    };
-    over(plan_->tree.n,
-         [&](std::size_t k) { position[static_cast<std::size_t>(plan_->tree.order[k])] = static_cast<Index>(k); });
-    over(prepared_.n(), [&](std::size_t c) {
-      column[static_cast<std::size_t>(prepared_.row_of(static_cast<Index>(c)))] = static_cast<Index>(c);
-    });
-    const std::size_t count = unknowns.size() * kParts;
-    base::Buffer<Index> row(static_cast<Offset>(count), &budget_), col(static_cast<Offset>(count), &budget_);
-    base::Buffer<T> value(static_cast<Offset>(count), &budget_);
-    base::Buffer<char> found(static_cast<Offset>(count), &budget_);
-    const auto over_entries = [&](auto&& use) { over(static_cast<std::int64_t>(unknowns.size()), use); };
-    over_entries([&](std::size_t e) {
-      for (std::size_t p = 0; p < kParts; ++p) {
-        const auto at = static_cast<Offset>(e * kParts + p);
-        row[at] = position[static_cast<std::size_t>(unknowns[e]) * kParts + p];
-        col[at] = position[static_cast<std::size_t>(column[static_cast<std::size_t>(rows[e])]) * kParts];
-      }
-    });
-    if (!executor_->invert_at({{row.data(), count}, {col.data(), count}, value.span(), found.span()})) return false;
-    auto* to = reinterpret_cast<Value*>(values);
-    over_entries([&](std::size_t e) {
-      known[e] = 1;
-      for (std::size_t p = 0; p < kParts; ++p) {
-        const auto at = static_cast<Offset>(e * kParts + p);
-        if (found[at] == 0) known[e] = 0;
-        if (known[e] != 0)
-          to[at] =
-              static_cast<Value>(value[at]) * factor_of(scales_.col, unknowns[e]) * factor_of(scales_.row, rows[e]);
-      }
-    });
-    return true;
+    return entries_of_inverse<kRealForm>(*executor_, {*plan_, prepared_, scales_, pool_, budget_}, unknowns, rows,
+                                         reinterpret_cast<Value*>(values), known);
   }
 
   [[nodiscard]] BorderContribution border_contribution() const override {
@@ -277,23 +239,11 @@ class NumericOf final : public Numeric {
 
   [[nodiscard]] const Scales& scales() const override { return scales_; }
   [[nodiscard]] std::vector<char> negative_pivots() const override {
-    std::vector<char> negative;
     if constexpr (!kComplex && !kRealForm) {
-      const auto n = static_cast<std::size_t>(plan_->tree.n);
-      std::vector<T> d(n), e(n);
-      if (!executor_->copy_inverse_pivots(d, e)) return negative;
-      negative.resize(n);
-      for (std::size_t k = 0; k < n; ++k) {
-        negative[k] = d[k] < T(0) ? 1 : 0;
-        if (e[k] == T(0)) continue;
-        // A block of 2 x 2: of one sign each where its determinant is negative, else both of its trace's.
-        const bool of_each = (d[k] / e[k]) * (d[k + 1] / e[k]) < T(1);
-        if (of_each) negative[k] = 1;
-        negative[k + 1] = of_each ? 0 : negative[k];
-        ++k;
-      }
+      std::vector<T> d(at(plan_->tree.n)), e(d.size());
+      if (executor_->copy_inverse_pivots(d, e)) return device::negative_of_inverse<T>(d, e);
     }
-    return negative;
+    return {};
   }
   [[nodiscard]] std::string device_name() const override { return executor_->name(); }
   [[nodiscard]] Offset device_peak_bytes() const override { return executor_->peak_bytes(); }
@@ -362,37 +312,12 @@ class NumericOf final : public Numeric {
     if (const Offset budget = budgets_of(analysis.device, context.options).front(); budget > 0)
       left = std::max<Offset>(1, budget - executor_->peak_bytes());
     try {
-      device_ = executor_->make_linear_system(device_arrays(*analysis.system), left);
+      device_ = executor_->make_linear_system(
+          arrays_of(*analysis.system, plan_->tree.order, diagonal_, base::ScalarTraits<T>::epsilon, given_, pool_),
+          left);
     } catch (const Error& e) {
       if (e.status().code != StatusCode::out_of_memory) throw;
     }
-  }
-
-  device::LinearSystemArrays device_arrays(const System& system) {
-    device::LinearSystemArrays arrays;
-    const auto indexed = static_cast<std::size_t>(system.rows->col.size());
-    arrays.pattern = prepared_.a;
-    arrays.row_ptr = system.rows->ptr;
-    arrays.row_col = {system.rows->col.data(), indexed};
-    arrays.row_source = {system.rows->source.data(), indexed};
-    arrays.order = plan_->tree.order;
-    arrays.row_of_col = prepared_.row_of_col;
-    arrays.row_scale = prepared_.row_scale;
-    arrays.col_scale = prepared_.col_scale;
-    arrays.diagonal = diagonal_;
-    arrays.rounding = suspect_pivot(base::ScalarTraits<T>::epsilon);
-    if constexpr (kRealForm) {
-      arrays.real_columns = real_form_->a.col_ptr;
-      arrays.hermitian = real_form_->hermitian;
-    }
-    arrays.values = given_;
-    arrays.copy = [&pool = pool_](double* to, const double* from, Offset count) {
-      constexpr std::int64_t kRange = 1 << 16;  // doubles
-      pool.for_each_range(count, kRange, [&](std::int64_t begin, std::int64_t end) {
-        std::copy(from + begin, from + end, to + begin);
-      });
-    };
-    return arrays;
   }
 
   static Index width_of(Index columns) {
@@ -470,73 +395,6 @@ std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const 
   if (analysis.system->complex_factor())
     return context.single() ? make(std::complex<float>()) : make(std::complex<double>());
   return context.single() ? make(float()) : make(double());
-}
-
-namespace {
-
-device::PivotRule rule_of(Vanishing vanishing, double largest, const Context& context) {
-  return {context.options.pivot_threshold, vanishing.smallest * largest, vanishing.parts ? largest : 0};
-}
-
-// The pivot moves of a real form. @param plan  the whole
-std::optional<std::vector<analysis::PivotMove>> place_real_pivots(const Analysis& analysis, const plan::Plan& plan,
-                                                                  const Scales& scales, std::span<const double> values,
-                                                                  Vanishing vanishing, std::span<const Index> failed,
-                                                                  const Context& context) {
-  const System& s = *analysis.system;
-  base::Buffer<std::complex<double>> numbers(s.prepared.a.nonzeros(), &context.budget);
-  base::Buffer<double> scaled(s.factored_pattern().nonzeros(), &context.budget);
-  const double largest = scale_values(s.prepared, scales, values, numbers.data(), context.pool);
-  real_values(*s.real_form, s.prepared.a, numbers.data(), scaled.data(), context.pool);
-  return context.registry.host().place_pivots(
-      device::PlacementJob{plan,
-                           analysis.kind(),
-                           false,
-                           rule_of(vanishing, largest, context),
-                           {scaled.data(), static_cast<std::size_t>(scaled.size())},
-                           context.pool,
-                           &context.budget,
-                           failed});
-}
-
-}  // namespace
-
-std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
-                                                             std::span<const double> values,
-                                                             std::span<const double> border_values, Vanishing vanishing,
-                                                             std::span<const Index> failed, const Context& context) {
-  const PreparedMatrix& p = analysis.system->prepared;
-  const bool part = !analysis.plan.row_begin.empty();
-  const plan::Plan whole = part ? whole_plan(analysis, context) : plan::Plan();
-  const plan::Plan& plan = part ? whole : analysis.plan;
-  std::optional<std::vector<analysis::PivotMove>> found;
-  const auto search = [&](const auto* first) {
-    using Value = std::remove_cv_t<std::remove_pointer_t<decltype(first)>>;
-    base::Buffer<Value> scaled(p.a.nonzeros() + static_cast<Offset>(border_values.size()), &context.budget);
-    const double largest =
-        scale_values(p, scales, values, scaled.data(), context.pool, positions_for(p, plan.tree.order));
-    if constexpr (!base::ScalarTraits<Value>::is_complex) {
-      if (plan.tree.border > 0)
-        (void)scale_border(*analysis.system->border, scales, border_values, scaled.data() + p.a.nonzeros());
-    }
-    const device::PivotRule rule = rule_of(vanishing, largest, context);
-    const bool hermitian = p.numbers == base::Numbers::hermitian;
-    const std::span<const Value> numbers(scaled.data(), static_cast<std::size_t>(scaled.size()));
-    found = context.registry.host().place_pivots(device::PlacementJobOf<Value>{
-        plan, analysis.kind(), hermitian, rule, numbers, context.pool, &context.budget, failed});
-  };
-  const auto run = [&] {
-    if (analysis.system->real_form)
-      found = place_real_pivots(analysis, plan, scales, values, vanishing, failed, context);
-    else
-      base::with_numbers(p.numbers, values.data(), search);
-  };
-  // What one rank has no memory for, none finds.
-  if (context.link != nullptr)
-    context.link->expect_all(run);
-  else
-    run();
-  return found;
 }
 
 }  // namespace espalier::solver

@@ -109,15 +109,4 @@ class Numeric {
 std::unique_ptr<Numeric> make_numeric(const Analysis& analysis, std::span<const double> values,
                                       std::span<const double> border_values, const Context& context);
 
-/// Smaller pivots than `smallest`, relative to the largest scaled entry, vanish.
-struct Vanishing {
-  double smallest = 0;
-  bool parts = false;  ///< see Numeric::part_with_zeros()
-};
-/// Where pivots have to go, by values that are scaled for it.
-std::optional<std::vector<analysis::PivotMove>> place_pivots(const Analysis& analysis, const Scales& scales,
-                                                             std::span<const double> values,
-                                                             std::span<const double> border_values, Vanishing vanishing,
-                                                             std::span<const Index> failed, const Context& context);
-
 }  // namespace espalier::solver

@@ -1,4 +1,4 @@
-#include "device/host/rank_traffic.hpp"
+#include "device/host/ranks/rank_traffic.hpp"
 
 #include <algorithm>
 #include <type_traits>

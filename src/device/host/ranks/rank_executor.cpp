@@ -1,4 +1,4 @@
-#include "device/host/rank_executor.hpp"
+#include "device/host/ranks/rank_executor.hpp"
 
 #include <fmt/format.h>
 
@@ -9,7 +9,7 @@
 
 #include "device/host/kept_fronts.hpp"
 #include "device/host/outcome.hpp"
-#include "device/host/rank_traffic.hpp"
+#include "device/host/ranks/rank_traffic.hpp"
 #include "device/host/tile_factor.hpp"
 #include "device/host/triangular_solve.hpp"
 #include "device/rank_rows.hpp"
