@@ -3,17 +3,20 @@
 #include <stdexcept>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "device/cuda/executor/device_linear_system.hpp"
 #include "device/cuda/executor/device_side.hpp"
+#include "device/cuda/executor/differing_values.cuh"
 #include "device/cuda/executor/linear_system_memory.cuh"
 #include "device/cuda/executor/part_residuals.cuh"
+#include "device/cuda/executor/residual_launch.cuh"
+#include "device/cuda/executor/system_vectors.hpp"
 #include "device/cuda/executor/vector_entries.cuh"
 #include "device/cuda/kernels/linear_system_kernels.cuh"
 #include "device/cuda/kernels/residual_kernels.cuh"
 #include "device/cuda/runtime/device_memory.hpp"
 #include "device/cuda/runtime/host_transfer.hpp"
+#include "device/cuda/runtime/pinned_values.hpp"
 
 namespace espalier::device::cuda {
 
@@ -53,7 +56,8 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
         dot_(1),
         magnitudes_(kLargestVectors),
         aborted_(1),
-        link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{doubles_})) {
+        link_(std::min<Offset>(kLinkBuffer, kColumnGroup * Offset{doubles_})),
+        vectors_(memory_.budget(), device, doubles_) {
     guard_.leave();
   }
   ~LinearSystemOnGpu() override { settle(); }
@@ -68,11 +72,11 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     const DeviceGuard guard(device_);
     if (first == 0) {
       has_values_ = false;  // until the last ones have come
-      if (++sendings_ == kPinFrom) pin(values_);
+      if (++sendings_ == kPinFrom) pinned_values_.pin(values_);
     }
     const double* from = values_.data() + first;
     double* to = memory_.given() + first;
-    if (!pinned_values_)
+    if (!pinned_values_.are_pinned())
       link_.send(to, from, count, stream(), host_copy_);
     else
       call("cudaMemcpyAsync(values)", [&] {
@@ -91,28 +95,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   bool mark_differing(const double* values, std::span<unsigned char> rows,
                       std::span<unsigned char> columns) const override {
     const DeviceGuard guard(device_);
-    const auto n = static_cast<Offset>(rows.size());
-    try {
-      if (differing_.size() == 0)
-        differing_ = DeviceArray<unsigned char>(2 * n, memory_.budget(), memory_.budget().held() + 2 * n);
-    } catch (const Error& e) {
-      if (e.status().code != StatusCode::out_of_memory) throw;
-      return false;
-    }
-    call("cudaMemsetAsync(marks)",
-         [&] { return cudaMemsetAsync(differing_.data(), 0, static_cast<std::size_t>(differing_.bytes()), stream()); });
-    differ_kernel<<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(
-        memory_.pattern(), values, memory_.complex() ? 2 : 1, differing_.data(), differing_.data() + n);
-    call("launch of the kernel that compares values", [&] { return cudaGetLastError(); });
-    const auto fetch = [&](std::span<unsigned char> to, Offset first) {
-      call("cudaMemcpyAsync(to host)", [&] {
-        return cudaMemcpyAsync(to.data(), differing_.data() + first, to.size(), cudaMemcpyDeviceToHost, stream());
-      });
-    };
-    fetch(rows, 0);
-    fetch(columns, n);
-    call("cudaStreamSynchronize", [&] { return cudaStreamSynchronize(stream()); });
-    return true;
+    return differing_.mark(memory_, values, rows, columns, stream());
   }
   [[nodiscard]] bool on_ranks() const override { return executor_.on_ranks(); }
   void copy_values(const double* from, Offset first, Offset count) override {
@@ -163,7 +146,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     for (std::size_t first = 0; first < columns.size(); first += kGroups * kEach) {
       const std::size_t end = std::min(columns.size(), first + kGroups * kEach);
       for (std::size_t at = first; at < end; at += kEach)
-        enqueue_residuals(columns.subspan(at, std::min(kEach, end - at)), transpose,
+        enqueue_residuals(memory_, executor_, columns.subspan(at, std::min(kEach, end - at)), transpose, aborted(),
                           ends_.data() + (at - first) / kEach);
       wait();
       for (std::size_t at = first; at < end; ++at) {
@@ -231,13 +214,8 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
   [[nodiscard]] double dot(const double* a, const double* b) const override {
     const DeviceGuard guard(device_);
-    const DotJob job{doubles_,
-                     a,
-                     b,
-                     memory_.dot_sums(),
-                     reinterpret_cast<int*>(memory_.clock() + 2),
-                     unreported_ ? executor_.solve_aborted() : nullptr,
-                     dot_.data()};
+    const DotJob job{doubles_,  a,          b, memory_.dot_sums(), reinterpret_cast<int*>(memory_.clock() + 2),
+                     aborted(), dot_.data()};
     dot_kernel<<<dot_blocks(doubles_), kSystemThreads, 0, stream()>>>(job);
     call("launch of the kernel of scalar products", [&] { return cudaGetLastError(); });
     wait();
@@ -257,22 +235,9 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   }
 
   [[nodiscard]] Vectors vectors(Index slot, Index columns) const override {
-    const auto at = static_cast<std::size_t>(slot);
-    if (slots_.size() <= at) slots_.resize(at + 1);
-    return {grown(slots_[at], columns), nullptr};
+    return {vectors_.slot(slot, columns), nullptr};
   }
-  std::shared_ptr<double[]> memory(Index columns) const override {
-    const DeviceGuard guard(device_);
-    const Offset count = static_cast<Offset>(doubles_) * columns;
-    const Offset held = memory_.budget().held() + count * static_cast<Offset>(sizeof(double));
-    auto array = std::make_shared<DeviceArray<double>>(count, memory_.budget(), held);
-    double* const data = array->data();
-    return {data, [array, &memory = memory_, alive = std::weak_ptr<int>(alive_), device = device_](double*) mutable {
-              if (!alive.expired()) memory.budget().give_back(array->bytes());
-              const DeviceGuard on(device);
-              array.reset();
-            }};
-  }
+  std::shared_ptr<double[]> memory(Index columns) const override { return vectors_.take(columns); }
   void scatter(std::span<const Offset> places, std::span<const double> values, double* y,
                Index cleared) const override {
     const DeviceGuard guard(device_);
@@ -293,26 +258,17 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     enqueue_added_columns(doubles_, z, factors, y, stream());
   }
   void largest(std::span<const double* const> vectors, std::span<double> found) const override {
-    static_assert(kLargestVectors <= kResidualNumbers);
     const DeviceGuard guard(device_);
-    const auto blocks = std::min(blocks_for(doubles_), 256U);
     for (std::size_t first = 0; first < vectors.size(); first += kLargestVectors) {
       const auto some = vectors.subspan(first, std::min<std::size_t>(kLargestVectors, vectors.size() - first));
-      LargestJob job{doubles_, {}, memory_.maxima()};
-      std::copy(some.begin(), some.end(), job.of);
       pending_ = true;
-      largest_kernel<<<dim3(blocks, static_cast<unsigned>(some.size())), kSystemThreads, 0, stream()>>>(job);
-      call("launch of the kernel of largest magnitudes", [&] { return cudaGetLastError(); });
-      call("cudaMemcpyAsync(magnitudes)", [&] {
-        return cudaMemcpyAsync(magnitudes_.data(), job.found, some.size_bytes(), cudaMemcpyDeviceToHost, stream());
-      });
-      call("cudaMemsetAsync", [&] { return cudaMemsetAsync(job.found, 0, some.size_bytes(), stream()); });
+      enqueue_largest(doubles_, some, memory_.maxima(), magnitudes_.data(), stream());
       wait_for_vectors();
       std::copy_n(magnitudes_.data(), some.size(), found.begin() + static_cast<std::ptrdiff_t>(first));
     }
   }
-  double* right_hand_sides(Index columns) override { return grown(right_hand_sides_, columns); }
-  double* solutions(Index columns) override { return grown(solutions_, columns); }
+  double* right_hand_sides(Index columns) override { return vectors_.right_hand_sides(columns); }
+  double* solutions(Index columns) override { return vectors_.solutions(columns); }
 
   void send(double* to, const double* from, Offset count) override {
     const DeviceGuard guard(device_);
@@ -330,22 +286,12 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     if (found.type == cudaMemoryTypeUnregistered)
       throw std::invalid_argument(std::string(what) + " are not in the memory of a GPU; use the calls for host arrays");
   }
-  // A stream that is done, as after every call of a caller that waits itself, costs one question.
   void wait_for(void* other) override {
     const DeviceGuard guard(device_);
-    auto* const theirs = static_cast<cudaStream_t>(other);
-    const cudaError_t state = attempt("cudaStreamQuery(caller's stream)", [&] { return cudaStreamQuery(theirs); });
-    if (state == cudaErrorNotReady)
-      call("cudaStreamSynchronize(caller's stream)", [&] { return cudaStreamSynchronize(theirs); });
-    else
-      check(state, "cudaStreamQuery(caller's stream)");
+    wait_for_stream(static_cast<cudaStream_t>(other));
   }
 
  private:
-  struct Unpin {
-    void operator()(double* p) const { (void)cudaHostUnregister(p); }
-  };
-
   // Makes the device current while the members are made.
   class ConstructionGuard {
    public:
@@ -356,21 +302,12 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     std::unique_ptr<DeviceGuard> guard_;
   };
 
-  // Where pinning is refused, copies are slower, but nothing else changes.
-  void pin(std::span<const double> values) {
-    const DeviceGuard guard(device_);
-    auto* p = const_cast<double*>(values.data());  // the device only reads
-    if (!values.empty() && cudaHostRegister(p, values.size_bytes(), cudaHostRegisterDefault) == cudaSuccess)
-      pinned_values_.reset(p);
-    (void)cudaGetLastError();
-  }
-
   void wait_for_vectors() const {
-    const int* aborted = unreported_ ? executor_.solve_aborted() : nullptr;
+    const int* from = aborted();
     *aborted_.data() = 0;
-    if (aborted != nullptr)
+    if (from != nullptr)
       call("cudaMemcpyAsync(aborted)",
-           [&] { return cudaMemcpyAsync(aborted_.data(), aborted, sizeof(int), cudaMemcpyDeviceToHost, stream()); });
+           [&] { return cudaMemcpyAsync(aborted_.data(), from, sizeof(int), cudaMemcpyDeviceToHost, stream()); });
     wait();
     unreported_ = false;
     if (*aborted_.data() != 0) throw executor_.solve_given_up();
@@ -383,18 +320,6 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     }
     const auto parts = static_cast<int>(memory_.largest().size());
     return {memory_.largest().data(), parts, smallest_pivot, memory_.diagonal(), rounding_};
-  }
-
-  double* grown(DeviceArray<double>& array, Index columns) const {
-    const Offset count = static_cast<Offset>(doubles_) * columns;
-    if (array.size() < count) {
-      const DeviceGuard guard(device_);
-      memory_.budget().give_back(array.bytes());
-      array = DeviceArray<double>();
-      array = DeviceArray<double>(count, memory_.budget(),
-                                  memory_.budget().held() + count * static_cast<Offset>(sizeof(double)));
-    }
-    return array.data();
   }
 
   void enqueue_values(const double* values, double* copy) {
@@ -416,41 +341,7 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
     });
   }
 
-  void enqueue_residuals(std::span<const ResidualColumn> columns, bool transpose, ResidualEnd* end) const {
-    ResidualJob job{};
-    for (std::size_t k = 0; k < columns.size(); ++k) {
-      job.b[k] = columns[k].b;
-      job.x[k] = columns[k].x;
-      job.r[k] = columns[k].r;
-    }
-    job.columns = static_cast<int>(columns.size());
-    job.transpose = transpose;
-    job.largest = memory_.maxima();
-    job.ticket = reinterpret_cast<int*>(memory_.clock() + 2);
-    job.clock = memory_.clock();
-    job.aborted = unreported_ ? executor_.solve_aborted() : nullptr;
-    job.end = end;
-    if (memory_.complex()) {
-      const dim3 blocks(memory_.residual_blocks(false), static_cast<unsigned>(columns.size()));
-      complex_residual_kernel<<<blocks, kSystemThreads, 0, stream()>>>(memory_.pattern(), memory_.system().hermitian,
-                                                                       job);
-    } else if (columns.size() == 1 && memory_.short_rows()) {
-      residual_kernel<1, 2><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
-    } else if (columns.size() == 1) {
-      residual_kernel<1, 4><<<memory_.residual_blocks(false), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
-    } else {
-      // Right-hand sides of the factorization are not needed now; their memory is.
-      constexpr Index kWidth = kResidualColumns * static_cast<Index>(sizeof(double) / sizeof(T));
-      auto* packed = reinterpret_cast<double*>(executor_.device_rhs(kWidth));
-      job.packed = packed;
-      pack_kernel<<<blocks_for(static_cast<Offset>(doubles_) * kResidualColumns), kSystemThreads, 0, stream()>>>(
-          doubles_, job, packed);
-      call("launch of the packing kernel", [&] { return cudaGetLastError(); });
-      residual_kernel<kResidualColumns, 1>
-          <<<memory_.residual_blocks(true), kSystemThreads, 0, stream()>>>(memory_.pattern(), job);
-    }
-    call("launch of the residual kernel", [&] { return cudaGetLastError(); });
-  }
+  [[nodiscard]] const int* aborted() const { return unreported_ ? executor_.solve_aborted() : nullptr; }
 
   void read(double* to, const double* from, Offset count) const {
     const DeviceGuard guard(device_);
@@ -481,13 +372,11 @@ class LinearSystemOnGpu final : public DeviceLinearSystem {
   mutable VectorEntries entries_;
   PinnedArray<int> aborted_;
   HostTransfer link_;
-  std::unique_ptr<double, Unpin> pinned_values_;
-  mutable std::vector<DeviceArray<double>> slots_;
-  DeviceArray<double> right_hand_sides_, solutions_;
-  std::shared_ptr<int> alive_ = std::make_shared<int>();  // as long as this object is
-  bool sent_ = false;                                     // values that are not scaled yet
-  bool has_values_ = false;                               // all have come
-  mutable DeviceArray<unsigned char> differing_;
+  PinnedValues pinned_values_;
+  mutable SystemVectors vectors_;
+  bool sent_ = false;        // values that are not scaled yet
+  bool has_values_ = false;  // all have come
+  mutable DifferingValues differing_;
   int sendings_ = 0;
   mutable bool pending_ = false;     // work on vectors is enqueued
   mutable bool unreported_ = false;  // a substitution among it

@@ -1,5 +1,6 @@
 /// \file
-/// Some entries of vectors between the host and a GPU, and sums of vectors. For device_linear_system.cu alone.
+/// Some entries of vectors between the host and a GPU, sums of vectors, and their largest magnitudes. For
+/// device_linear_system.cu alone.
 #pragma once
 
 #include <algorithm>
@@ -63,6 +64,22 @@ inline void enqueue_added_columns(Index n, const double* z, std::span<const doub
                                                                      static_cast<int>(now), y);
     call("launch of the kernel that adds columns", [&] { return cudaGetLastError(); });
   }
+}
+
+/// The largest magnitude of each vector, at `found` once the stream is done.
+/// @param maxima  zeros before and after
+/// @param found  pinned
+inline void enqueue_largest(Index n, std::span<const double* const> vectors, unsigned long long* maxima, double* found,
+                            cudaStream_t stream) {
+  static_assert(kLargestVectors <= kResidualNumbers);
+  const auto blocks = std::min(blocks_for(n), 256U);
+  LargestJob job{n, {}, maxima};
+  std::copy(vectors.begin(), vectors.end(), job.of);
+  largest_kernel<<<dim3(blocks, static_cast<unsigned>(vectors.size())), kSystemThreads, 0, stream>>>(job);
+  call("launch of the kernel of largest magnitudes", [&] { return cudaGetLastError(); });
+  call("cudaMemcpyAsync(magnitudes)",
+       [&] { return cudaMemcpyAsync(found, job.found, vectors.size_bytes(), cudaMemcpyDeviceToHost, stream); });
+  call("cudaMemsetAsync", [&] { return cudaMemsetAsync(job.found, 0, vectors.size_bytes(), stream); });
 }
 
 }  // namespace espalier::device::cuda

@@ -178,6 +178,15 @@ class Stream {
   cudaEvent_t end_ = nullptr;
 };
 
+/// A stream of others. One that is done, as after every call of a caller that waits itself, costs one question.
+inline void wait_for_stream(cudaStream_t theirs) {
+  const cudaError_t state = attempt("cudaStreamQuery(caller's stream)", [&] { return cudaStreamQuery(theirs); });
+  if (state == cudaErrorNotReady)
+    call("cudaStreamSynchronize(caller's stream)", [&] { return cudaStreamSynchronize(theirs); });
+  else
+    check(state, "cudaStreamQuery(caller's stream)");
+}
+
 /// A point in a stream's work, for waiting.
 class Event {
  public:
