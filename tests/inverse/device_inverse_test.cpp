@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <memory>
 #include <random>
 #include <string>
 #include <vector>
@@ -16,6 +17,7 @@
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
 #include "solver/complex_common.hpp"
+#include "solver/gpu/refused_calls.hpp"
 
 namespace espalier::test {
 
@@ -313,6 +315,49 @@ TEST(DeviceInverse, SinglePrecisionTellsItsError) {
     EXPECT_GT(r.error, 1e-9);
     EXPECT_LE(r.error, 1e-5);
     expect_columns(a, x, 50, 10 * r.error);
+  }
+}
+
+using InverseFaults = RefusedCalls;
+
+// Calls of CUDA refused in turn. Truth: entries of the inverse on the host.
+TEST_F(InverseFaults, RefusedCallsAreNamedAndTheEntriesAreRightAfterwards) {
+  for (const Kind kind : {Kind::ldlt, Kind::lu}) {
+    const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "6"}));
+    Options o;
+    o.kind = kind;
+    o.threads = 2;
+    o.device = "cpu";
+    std::vector<double> truth(at(a.nonzeros()));
+    Solver host(o);
+    ASSERT_TRUE(host.analyze(a).status.ok());
+    ASSERT_TRUE(host.factorize(a).status.ok());
+    ASSERT_TRUE(selected_inverse(host, a, truth).status.ok());
+    double largest = 0;
+    for (const double v : truth) largest = std::max(largest, std::abs(v));
+    o.device = "gpu:0";
+    o.pinned_memory_bytes = 0;
+    struct Case {
+      Solver s;
+      std::vector<double> x;
+    };
+    const Refusals told = refuse_some(
+        [&]() -> Attempt {
+          auto c = std::make_shared<Case>(Case{Solver(o), std::vector<double>(truth.size())});
+          EXPECT_TRUE(c->s.analyze(a).status.ok());
+          EXPECT_TRUE(c->s.factorize(a).status.ok());
+          return {[&, c] {  // a call that failed may have taken the factor with it
+                    if (c->s.state() != Solver::State::factorized)
+                      if (const FactorResult f = c->s.factorize(a); !f.status.ok()) return f.status;
+                    return selected_inverse(c->s, a, c->x).status;
+                  },
+                  [&, c] {
+                    for (std::size_t q = 0; q < truth.size(); ++q)
+                      ASSERT_NEAR(c->x[q], truth[q], 1e-10 * largest) << "entry " << q;
+                  }};
+        },
+        60);
+    EXPECT_GT(told.errors, told.tried / 3);
   }
 }
 

@@ -1,8 +1,11 @@
 // Searches in the memory of a GPU: the modes of the host, and tall blocks beside plain loops.
+#include <memory>
+
 #include "device/registry.hpp"
 #include "modes/blocks.hpp"
 #include "modes/modes_common.hpp"
 #include "modes/product.hpp"
+#include "solver/gpu/refused_calls.hpp"
 
 namespace espalier {
 
@@ -141,6 +144,36 @@ TEST_F(ModesOnGpu, ProductsAreThoseOfTheHost) {
   space->multiply(matrix, space->block(0, columns), space->block(1, columns), columns);
   space->fetch(found.data(), space->block(1, columns), columns);
   for (std::size_t i = 0; i < y.size(); ++i) EXPECT_NEAR(found[i], y[i], 1e-11) << i;
+}
+
+using ModesFaults = RefusedCalls;
+
+// Calls of CUDA refused in turn to a search. Truth: the modes of the host.
+TEST_F(ModesFaults, RefusedCallsAreNamedOrTheModesAreRight) {
+  const SparseMatrix k = generated({"elasticity", "5"}), m = generated({"elasticity-mass", "5"});
+  ModesOptions o = lowest(12);
+  o.solver.device = "cpu";
+  const ModesResult truth = find_modes(k, m, o);
+  ASSERT_TRUE(truth.status.ok()) << truth.status.message;
+  o.solver.device = "gpu:0";
+  o.solver.pinned_memory_bytes = 0;
+  const Refusals told = refuse_some(
+      [&]() -> Attempt {
+        auto found = std::make_shared<ModesResult>();
+        return {[&, found] {
+                  *found = find_modes(k, m, o);
+                  return found->status;
+                },
+                [&, found] {
+                  EXPECT_EQ(found->complete, truth.complete);
+                  ASSERT_EQ(found->count(), truth.count());
+                  for (std::size_t i = 0; i < truth.eigenvalues.size(); ++i)
+                    EXPECT_NEAR(found->eigenvalues[i], truth.eigenvalues[i], 1e-10 * truth.eigenvalues.back());
+                  for (const double r : found->residuals) EXPECT_LT(r, 1e-9);
+                }};
+      },
+      60);
+  EXPECT_GT(told.tried, 30);
 }
 
 }  // namespace espalier

@@ -2,18 +2,20 @@
 // the refused call in the message, and an independent residual of the answer that the same solver gives afterwards.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "device/cuda/executor/cuda_executor.hpp"
 #include "espalier/espalier.hpp"
 #include "reference/reference.hpp"
-#include "solver/gpu/gpu_fixture.hpp"
+#include "solver/gpu/refused_calls.hpp"
 
 #if ESPALIER_WITH_CUDA
 #include <cuda_runtime_api.h>
 
-#include "device/cuda/runtime/cuda_faults.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/residual.hpp"
 
@@ -22,10 +24,7 @@ namespace gpu_faults_test {
 
 using reference::Values;
 
-class GpuFaults : public test::OnGpu {
- protected:
-  void TearDown() override { device::cuda::call_faults().arm(0); }
-};
+using GpuFaults = test::RefusedCalls;
 
 // Analysis aside, all that a user does. The first status that is not ok; x is the last answer.
 Status run(Solver& s, const SparseMatrix& a, std::vector<double>& x) {
@@ -47,47 +46,19 @@ bool can_do_without(const std::string& call, bool pins) {
   return call.find("lloc") != std::string::npos || call == "cudaHostRegister" || (pins && call == "cudaSetDevice");
 }
 
-// Refuses every `step`-th call of a run, then lets the same solver run again. @returns the number of runs that ended in
-// an error
-int refuse_in_turn(const Options& options, const SparseMatrix& a, int step, std::int64_t& calls) {
-  auto& faults = device::cuda::call_faults();
-  const double bound = 100 * 2.3e-16 * a.rows;
-  std::vector<double> x(static_cast<std::size_t>(a.rows));
-  for (int k = 0; k < 2; ++k) {  // some calls are made once in a process
-    Solver s(options);
-    EXPECT_TRUE(s.analyze(a).status.ok());
-    faults.arm(0);
-    EXPECT_TRUE(run(s, a, x).ok());
-    calls = faults.made;
-  }
-  int refusals = 0;
-  for (std::int64_t k = 1; k <= calls; k += step) {
-    SCOPED_TRACE(::testing::Message() << "call " << k << " of " << calls);
-    Solver s(options);
-    EXPECT_TRUE(s.analyze(a).status.ok());
-    faults.arm(k);
-    const Status status = run(s, a, x);
-    const char* const refused = faults.refused;
-    faults.arm(0);
-    if (refused == nullptr) {
-      EXPECT_NE(options.pinned_memory_bytes, 0) << "a run makes the same calls every time";
-      break;
-    }
-    if (status.ok()) {
-      EXPECT_TRUE(can_do_without(refused, options.pinned_memory_bytes > 0)) << refused << " was refused in silence";
-      EXPECT_LE(error_of(a, x), bound) << refused;
-    } else {
-      ++refusals;
-      const bool memory = status.code == StatusCode::out_of_memory;
-      EXPECT_TRUE(memory || status.code == StatusCode::device_error) << refused << ": " << status.message;
-      EXPECT_TRUE(memory || status.message.find(refused) != std::string::npos) << refused << ": " << status.message;
-    }
-    const Status again = run(s, a, x);
-    EXPECT_TRUE(again.ok()) << "after " << refused << ": " << again.message;
-    EXPECT_LE(error_of(a, x), bound) << "after " << refused;
-    if (!again.ok()) break;
-  }
-  return refusals;
+// An analyzed solver. Nothing but memory may be refused to it in silence.
+test::Attempt attempt_of(const Options& options, const SparseMatrix& a) {
+  struct Case {
+    explicit Case(const Options& o) : s(o) {}
+    Solver s;
+    std::vector<double> x;
+  };
+  auto c = std::make_shared<Case>(options);
+  c->x.resize(static_cast<std::size_t>(a.rows));
+  EXPECT_TRUE(c->s.analyze(a).status.ok());
+  const bool pins = options.pinned_memory_bytes > 0;
+  return {[c, &a] { return run(c->s, a, c->x); }, [c, &a] { EXPECT_LE(error_of(a, c->x), 100 * 2.3e-16 * a.rows); },
+          [pins](const std::string& call) { return can_do_without(call, pins); }};
 }
 
 TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
@@ -98,16 +69,16 @@ TEST_F(GpuFaults, EveryCallRefusedInTurnIsNamedAndLeavesTheSolverUsable) {
   } systems[] = {{"llt", reference::random_system(300, 6, Values::positive, 1), 1},
                  {"ldlt", reference::saddle_point(200, 40, 2), 4},
                  {"lu", reference::random_system(250, 6, Values::general, 3), 4}};
-  for (const auto& [name, a, step] : systems) {
-    SCOPED_TRACE(name);
+  for (const auto& system : systems) {
+    SCOPED_TRACE(system.name);
     Options o;
     o.device = "gpu:0";
     o.threads = 2;
     o.pinned_memory_bytes = 0;
-    std::int64_t calls = 0;
-    const int refusals = refuse_in_turn(o, a, step, calls);
-    EXPECT_GT(calls, 50) << "the calls are counted";
-    EXPECT_GT(refusals, calls / step / 2) << "most calls cannot be done without";
+    const test::Refusals told = test::refuse_every([&] { return attempt_of(o, system.a); }, system.step);
+    EXPECT_TRUE(told.steady) << "a run makes the same calls every time";
+    EXPECT_GT(told.calls, 50) << "the calls are counted";
+    EXPECT_GT(told.errors, told.calls / system.step / 2) << "most calls cannot be done without";
   }
 }
 
@@ -131,11 +102,64 @@ TEST_F(GpuFaults, CallsRefusedToARunOutOfCoreAreNamedAndLeaveTheSolverUsable) {
       EXPECT_GT(f.devices.front().streamed_out_bytes, 0) << "the system fits into the budget";
       EXPECT_LE(f.devices.front().peak_bytes, o.device_memory_bytes);
     }
-    std::int64_t calls = 0;
     constexpr int kStep = 23;
-    const int refusals = refuse_in_turn(o, a, kStep, calls);
-    EXPECT_GT(calls, 10 * kStep);
-    EXPECT_GT(refusals, calls / kStep / 2) << "most calls cannot be done without";
+    const test::Refusals told = test::refuse_every([&] { return attempt_of(o, a); }, kStep);
+    EXPECT_TRUE(told.steady || pinned > 0) << "a run makes the same calls every time";
+    EXPECT_GT(told.calls, 10 * kStep);
+    EXPECT_GT(told.errors, told.calls / kStep / 2) << "most calls cannot be done without";
+  }
+}
+
+// A clone of a solver that others use, columns of both orders, a few rows, factors in two precisions. Truth: residuals.
+TEST_F(GpuFaults, CallsRefusedToCopiesColumnsAndRowsAreNamed) {
+  const SparseMatrix a = reference::random_system(300, 5, Values::general, 7);
+  constexpr Index kColumns = 19;
+  const std::vector<double> b = reference::random_vector(Offset{a.rows} * kColumns, 3);
+  const std::vector<Offset> first = {0, 1};
+  const std::vector<Index> row = {4}, wanted = {4, 9};
+  const std::vector<double> load = {1};
+  for (const Precision precision : {Precision::fp64, Precision::mixed}) {
+    SCOPED_TRACE(static_cast<int>(precision));
+    Options o;
+    o.device = "gpu:0";
+    o.threads = 2;
+    o.pinned_memory_bytes = 0;
+    o.precision = precision;
+    Solver original(o);
+    ASSERT_TRUE(original.analyze(a).status.ok());
+    ASSERT_TRUE(original.factorize(a).status.ok());
+    struct Case {
+      Solver s;
+      std::vector<double> x, y, rows, whole;
+    };
+    const test::Refusals told = test::refuse_some(
+        [&]() -> test::Attempt {
+          auto c = std::make_shared<Case>(
+              Case{original.clone(), b, b, {0, 0}, std::vector<double>(static_cast<std::size_t>(a.rows))});
+          return {[&, c] {
+                    if (const FactorResult f = c->s.factorize(a); !f.status.ok()) return f.status;
+                    if (const SolveResult r = c->s.solve(b, c->x, kColumns); !r.status.ok()) return r.status;
+                    if (const SolveResult r = c->s.solve(b, c->y, kColumns, Transpose::yes); !r.status.ok())
+                      return r.status;
+                    std::vector<double> unit(c->whole.size());
+                    unit[4] = 1;
+                    if (const SolveResult r = c->s.solve(unit, c->whole); !r.status.ok()) return r.status;
+                    return solve_rows(c->s, {first, row, load}, wanted, c->rows).status;
+                  },
+                  [&, c] {
+                    EXPECT_LE(reference::backward_error(a, b, c->x, kColumns), 1e-14);
+                    EXPECT_LE(reference::backward_error(a, b, c->y, kColumns, true), 1e-14);
+                    double largest = 0;
+                    for (const double v : c->whole) largest = std::max(largest, std::abs(v));
+                    for (std::size_t k = 0; k < wanted.size(); ++k)
+                      EXPECT_NEAR(c->rows[k], c->whole[static_cast<std::size_t>(wanted[k])], 1e-2 * largest);
+                  }};
+        },
+        60);
+    EXPECT_GT(told.errors, told.tried / 3);
+    std::vector<double> x(b.size());
+    ASSERT_TRUE(original.solve(b, x, kColumns).status.ok());
+    EXPECT_LE(reference::backward_error(a, b, x, kColumns), 1e-14) << "the factor that others use";
   }
 }
 
