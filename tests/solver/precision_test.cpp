@@ -82,6 +82,21 @@ TEST(Precision, AutoTakesFp64ForIllConditionedSystems) {
   EXPECT_TRUE(r.precision == Precision::mixed || says(r, "going on in FP64"));
 }
 
+// A thin plate's parts tell that FP32 will not do: no factor is made in vain. A solid body's do not.
+TEST(Precision, AutoKnowsPlatesFromTheirParts) {
+  const SparseMatrix plate = generated({"plate", "60"});
+  Options o = automatic();
+  o.machine = "host.single=100";
+  const Outcome r = run(plate, o);
+  EXPECT_EQ(r.precision, Precision::fp64);
+  EXPECT_TRUE(says(r, "parts of the matrix"));
+  EXPECT_FALSE(says(r, "going on in FP64")) << "a factor was made in vain";
+  EXPECT_LE(r.error, 2 * kEps);
+  const Outcome solid = run(generated({"elasticity", "20"}), o);
+  EXPECT_EQ(solid.precision, Precision::mixed);
+  EXPECT_FALSE(says(solid, "parts of the matrix"));
+}
+
 // One step of refinement leaves too large an error with a factor in FP32: the same call makes another one.
 TEST(Precision, AutoKeepsItsPromiseOfAccuracy) {
   const SparseMatrix a = generated({"elasticity", "14"});

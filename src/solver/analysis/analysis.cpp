@@ -16,6 +16,7 @@
 #include "solve/rank_residual.hpp"
 #include "solver/analysis/analysis_draft.hpp"
 #include "solver/analysis/analysis_file.hpp"
+#include "solver/analysis/condition_guess.hpp"
 #include "solver/options/executor_choice.hpp"
 #include "solver/options/option_text.hpp"
 #include "solver/options/precision_choice.hpp"
@@ -202,11 +203,10 @@ Analyzed finish(Ordered&& given, double ordered, Context context) {
   auto system = std::make_shared<const System>(std::move(draft.system));
   if (system->border && changes.device.backend->limits().keeps_border)
     add_border(tree, *system->border, system->prepared);
-  double gain = 1;
-  if (context.options.precision == Precision::automatic && !context.raised && context.link == nullptr) {
-    gain = gain_of_single(*changes.device.backend, tree, wish_of(*system, context), changes.device.devices());
-    context.raised = gain < kLeastGain;
-  }
+  const bool may = context.options.precision == Precision::automatic && !context.raised && context.link == nullptr;
+  const device::Backend& backend = *changes.device.backend;
+  const double gain = may ? gain_of_single(backend, tree, wish_of(*system, context), changes.device.devices()) : 1;
+  if (may) context.raised = gain < kLeastGain || is_too_ill_for_single(*system, draft.values, tree, context);
   auto made =
       std::make_shared<Analysis>(lay_out(std::move(system), std::move(tree), std::move(changes), context, rows.get()));
   made->gain_of_single = gain;
