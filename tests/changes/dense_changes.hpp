@@ -83,6 +83,17 @@ inline Solver factorized(const SparseMatrix& a, Kind kind, const std::string& de
   return s;
 }
 
+/// Factors in single precision, solutions as they come: errors far above rounding.
+inline Options rough() {
+  Options o;
+  o.device = "cpu";
+  o.threads = 2;
+  o.precision = Precision::fp32;
+  o.refinement_steps = 0;
+  o.required_backward_error = std::numeric_limits<double>::infinity();
+  return o;
+}
+
 // A x = b or A^T x = b, by the residual with the dense matrix; whether there was a solution.
 inline bool solves(ChangedSystem& changed, Dense& dense, const std::vector<Index>& removed, Transpose transpose) {
   EXPECT_EQ(changed.size(), dense.n);
