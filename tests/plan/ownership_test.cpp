@@ -117,6 +117,16 @@ TEST_P(OwnershipOfTasks, ShardsOfMemoryAddUp) {
   const Offset sum = std::accumulate(m.device_size.begin(), m.device_size.end(), Offset{0});
   EXPECT_GE(sum, m.size);
   EXPECT_LT(sum, m.size + n);  // rounding of even parts
+  // Each holds the factors of its sub-trees and of its block columns of the top.
+  std::vector<Offset> factors(m.device_size.size(), 0);
+  const Offset copies = plan_.options.unsymmetric ? 2 : 1;
+  for (Index f = 0; f < plan_.fronts(); ++f) {
+    const auto& l = plan_.layout[f];
+    for (Index j = 0; j < l.pivot_tiles; ++j)
+      for (Index i = j; i < l.tiles; ++i)
+        factors[static_cast<std::size_t>(plan_.ownership.owner(f, j))] += copies * l.padded(l.width(i)) * l.width(j);
+  }
+  for (std::size_t d = 0; d < factors.size(); ++d) EXPECT_GE(m.device_size[d], factors[d]) << d;
 }
 
 TEST_P(OwnershipOfTasks, BlockColumnsOfTheTopAreDealtEvenly) {

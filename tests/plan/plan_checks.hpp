@@ -225,6 +225,10 @@ inline void check_memory(const Plan& p) {
   const MemoryPlan& m = p.memory;
   const bool two = p.options.unsymmetric || p.options.ldlt;
   const Offset copies = p.options.unsymmetric ? 2 : 1;
+  Offset factors = 0;
+  for (const FrontLayout& l : p.layout) factors += copies * l.factor_size();
+  EXPECT_GE(m.factor_size, factors);
+  EXPECT_LE(m.factor_size, m.size);
   std::vector<Span> dead, alive;
   // ended[f]: fronts that have surely ended when front f begins to write; closure[f]: when it has ended, which are
   // those, itself, and the same of its children, whose contributions it has read.

@@ -155,5 +155,52 @@ TEST(PlanParts, AreSmaller) {
   }
 }
 
+// Whether rank r makes or reads a part of what front f leaves for the top.
+bool works_with_rows_of(const Plan& p, Index f, Index r) {
+  const Index parent = p.tree.parent[static_cast<std::size_t>(f)];
+  const FrontLayout& l = p.layout[static_cast<std::size_t>(f)];
+  if (parent < 0 || p.ownership.subtree(parent) >= 0 || l.below() == 0 || !knows(p, f, r)) return false;
+  for (Index j = l.pivot_tiles; j < l.tiles; ++j)
+    if (is_made_here(p, f, j)) return true;
+  for (Index k = 0; k < l.below(); ++k)
+    if (is_made_here(p, parent, p.layout[static_cast<std::size_t>(parent)].tile_of(p.places_in_parent(f)[k])))
+      return true;
+  return false;
+}
+
+// A rank has places for the factors that it keeps and for what goes to the top, none of them over another.
+TEST(PlanParts, HavePlacesForWhatTheyKeep) {
+  System ldlt = system_of({"elasticity", "6", "5", "4"});
+  ldlt.options.ldlt = true;
+  for (const System& s : {system_of({"elasticity", "6", "5", "4"}), ldlt, system_of({"gyroscopic", "5", "4", "4"})})
+    for (const Index ranks : {2, 5})
+      for (Index r = 0; r < ranks; ++r) {
+        const Plan p = plan_of(s, ranks, r);
+        const bool two = s.options.unsymmetric;
+        std::vector<std::pair<Offset, Offset>> places;
+        const auto take = [&](Offset begin, Offset size) {
+          if (size > 0) places.emplace_back(begin, begin + size);
+        };
+        Offset factors = 0;
+        for (Index f = 0; f < p.fronts(); ++f) {
+          const auto k = static_cast<std::size_t>(f);
+          if (keeps_factor(p, f, r)) {
+            const Offset size = p.layout[k].factor_size();
+            factors += size * (two ? 2 : 1);
+            take(p.memory.factor[k], size);
+            if (two) take(p.memory.factor2[k], size);
+          }
+          if (!works_with_rows_of(p, f, r)) continue;
+          take(p.memory.contribution[k], p.layout[k].contribution_size());
+          if (two) take(p.memory.contribution2[k], p.layout[k].contribution_size());
+        }
+        EXPECT_GE(p.memory.factor_size, factors);
+        EXPECT_LE(p.memory.factor_size, factors + 2 * p.options.tiles.panel * p.fronts());
+        std::sort(places.begin(), places.end());
+        for (std::size_t k = 1; k < places.size(); ++k) EXPECT_LE(places[k - 1].second, places[k].first);
+        EXPECT_LE(places.back().second, p.memory.size);
+      }
+}
+
 }  // namespace plan_parts_test
 }  // namespace espalier::plan
