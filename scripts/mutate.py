@@ -2,12 +2,15 @@
 """How many single faults the tests find: mutants of the sources, each run against the tests that come past it.
 
     scripts/mutate.py --rooms analysis,plan [--most 300] [--seed 1] [--build build/release] [--state FOLDER]
-                      [--jobs 2] [--seconds 20] [--again] [--share]
+                      [--jobs 2] [--seconds 20] [--minutes 600] [--again] [--share]
     scripts/mutate.py --table
+    scripts/mutate.py --rooms analysis,plan --pack FILE      # what a run needs, for a machine without compilers
+    scripts/mutate.py --packed FOLDER --jobs 16 --minutes 8  # there, in a checkout: FILE's content; writes FOLDER/results.json
+    scripts/mutate.py --rooms analysis,plan --merge FOLDER/results.json
 
 Needs a finished build with tests and libclang: `pip install clang==14.0`, `apt-get install libclang1-14 libclang-common-14-dev`.
-The rooms of a call are one group. Their sources are compiled once with all their mutants (mutate_sources.py) and linked before
-the libraries of the build. Every test program then says which mutants each test comes past; a mutant runs against those tests,
+The rooms of a call are one group; `;` parts several. Their sources are compiled once with all their mutants
+(mutate_sources.py) and linked before the libraries of the build. Every test program then says which mutants each test comes past; a mutant runs against those tests,
 the fastest first, up to SECONDS of them. A failure, a crash or five times the usual time is a kill. FOLDER/<rooms>/state.json
 keeps what is known: a call that was cut goes on. --again links anew and tries what is left, after tests were added; --anew
 PATTERN asks tests again that have changed. --share: 20 mutants of one source.
@@ -17,6 +20,7 @@ scripts/mutants.txt gives reasons why some need no test. Ends with 1 where mutan
 import argparse
 import concurrent.futures
 import fnmatch
+import itertools
 import json
 import os
 import random
@@ -29,12 +33,15 @@ import tempfile
 import time
 from pathlib import Path
 
+import mutate_pack
+from mutate_table import has_reason, reasons, table
+
 ROOT = Path(__file__).resolve().parent.parent
 HEADER = ROOT / "scripts/mutate_runtime.hpp"
-REASONS = ROOT / "scripts/mutants.txt"
 BITS = "espalier_bits"  # not a test program: what it prints must stay as it is
 BITS_CASES = ["; cpu 1"]
-SHARES = 8  # a test program is asked in that many processes
+SHARES = 8  # a test program is asked in that many processes, more with more jobs
+FIRST_SECONDS = 4  # of tests, where the time is limited
 MEMORY = 12_000_000_000  # bytes of addresses of a test program
 # Sources, then test programs, the room's own first, with the tests that are asked.
 ROOMS = {
@@ -50,6 +57,9 @@ ROOMS = {
     "joints": ("src/dynamics/joints/*", ["test_dynamics"]),
     "integrators": ("src/dynamics/integrators/*", ["test_dynamics"]),
     "dae": ("src/dynamics/dae/*", ["test_dynamics"]),
+    "contact": ("src/dynamics/contact/*", ["test_dynamics"]),
+    "forces": ("src/dynamics/forces/*", ["test_dynamics"]),
+    "bodies": ("src/dynamics/bodies/*", ["test_dynamics"]),
     "readers": ("src/dynamics/mesh/read/*", ["test_dynamics"]),
     "share": ("src/analysis/elimination_tree.cpp", ["test_analysis"]),
 }
@@ -61,6 +71,14 @@ def originals(entry):
     if "/build/" not in str(file) or not file.exists():
         return [file]
     return [Path(p) for p in re.findall(r'^#include "(/.*\.cpp)"', file.read_text(), re.MULTILINE)]
+
+
+def workers(jobs):
+    """Threads whose processes see two processors each, as the pools of the tests' own threads then do."""
+    places, free = itertools.count(), sorted(os.sched_getaffinity(0))
+    pairs = [free[k:k + 2] for k in range(0, len(free) - 1, 2)] or [free]
+    return concurrent.futures.ThreadPoolExecutor(
+        jobs, initializer=lambda: os.sched_setaffinity(0, pairs[next(places) % len(pairs)]))
 
 
 class Group:
@@ -190,7 +208,7 @@ class Group:
     def new_tests(self, program):
         """The tests of a program that have not told yet what they come past."""
         shown = subprocess.run([str(self.folder / program), "--gtest_list_tests"], check=True, capture_output=True, text=True)
-        costs = self.build / "Testing/Temporary/CTestCostData.txt"
+        costs = self.build / mutate_pack.COSTS
         slow = {line.split()[0] for line in costs.read_text().split("---")[0].splitlines()
                 if float(line.split()[-1]) > self.options.slowest} if costs.exists() else set()
         names, suite = [], ""
@@ -216,10 +234,11 @@ class Group:
                 del tests[test]
         jobs = []
         asked = [p for name in self.options.only or self.names for p in ROOMS[name][1]]
+        shares = max(SHARES, 2 * self.options.jobs)
         for program in (p for p in self.programs if p != BITS and p in asked):
             tests = self.new_tests(program)
-            jobs += [(program, share, tests[share::SHARES]) for share in range(SHARES) if tests[share::SHARES]]
-        with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
+            jobs += [(program, share, tests[share::shares]) for share in range(shares) if tests[share::shares]]
+        with workers(self.options.jobs) as pool:
             for name, tests, lines in pool.map(one, jobs):
                 of_program = self.of["tests"].setdefault(name, {})
                 of_program.update({test: [-1, []] for test in tests})  # failed or skipped, unless it says more
@@ -229,8 +248,8 @@ class Group:
                         of_program[test] = [int(ms), [int(n) for n in numbers]]
         self.save()
 
-    def portions(self, number):
-        """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to --seconds."""
+    def portions(self, number, seconds):
+        """The tests of a mutant in portions (program, tests, ms) of growing length, in all up to `seconds`."""
         room = next(m["room"] for m in self.of["mutants"] if m["number"] == number)
         own = ROOMS[room][1]  # its own programs first
         asked = sorted(self.of["tests"].items(), key=lambda item: own.index(item[0]) if item[0] in own else len(own))
@@ -243,7 +262,7 @@ class Group:
         for program, names in lists:
             portion, took, size = [], 0, 200
             for ms, test in sorted((self.of["tests"][program][test][0], test) for test in names):
-                if used + ms > 1000 * self.options.seconds and used > 0:
+                if used + ms > 1000 * seconds and used > 0:
                     break
                 used += ms
                 portion.append(test)
@@ -254,27 +273,32 @@ class Group:
             if portion:
                 yield program, portion, took
 
-    def judge(self, number):
-        for program, tests, ms in self.portions(number):
-            status = self.run_program(program, ":".join(tests), {"ESPALIER_MUTANT": str(number)}, 5 + 5 * ms / 1000)
+    def judge(self, number, seconds):
+        """What the tests say of a mutant; none where the time of this run has ended."""
+        for program, tests, ms in self.portions(number, seconds):
+            limit = 5 + 5 * ms / 1000
+            if time.monotonic() + limit > self.options.end:
+                return None
+            status = self.run_program(program, ":".join(tests), {"ESPALIER_MUTANT": str(number)}, limit)
             if status:
                 return f"killed: {program} {status}"
         if self.of["bits"] and self.bits(number) != self.of["bits"]:
             return f"killed: {BITS}"
         return "survived" if any(number in numbers for numbers in self.past.values()) else "not reached"
 
-    def run(self):
+    def run(self, seconds):
         results = self.of["results"]
         self.past = {(p, t): set(numbers) for p, tests in self.of["tests"].items() for t, (_, numbers) in tests.items()}
         known, only = reasons(), self.options.only or self.names
         open_ones = [m["number"] for m in self.of["mutants"] if m["room"] in only and (str(m["number"]) not in results or (
             self.options.again and not results[str(m["number"])].startswith("killed") and not has_reason(m, known)))]
         saved = time.monotonic()
-        with concurrent.futures.ThreadPoolExecutor(self.options.jobs) as pool:
-            jobs = {pool.submit(self.judge, n): n for n in open_ones}
+        with workers(self.options.jobs) as pool:
+            jobs = {pool.submit(self.judge, n, seconds): n for n in open_ones}
             try:
                 for job in concurrent.futures.as_completed(jobs):
-                    results[str(jobs[job])] = job.result()
+                    if job.result():
+                        results[str(jobs[job])] = job.result()
                     if time.monotonic() - saved > 10:
                         self.save()
                         saved = time.monotonic()
@@ -285,41 +309,25 @@ class Group:
                 self.save()
 
 
-def reasons():
-    """Patterns, and above them a line with # and their reason: `path: before -> after`, where ... is anything."""
-    lines = REASONS.read_text().splitlines() if REASONS.exists() else []
-    patterns = [line.strip() for line in lines if line.strip() and not line.startswith("#")]
-    return [re.compile(".*".join(map(re.escape, p.split("...")))) for p in patterns]
-
-
-def has_reason(mutant, known):
-    text = f"{mutant['path']}: {mutant['before']} -> {mutant['after']}"
-    return any(p.fullmatch(text) for p in known)
-
-
-def table(groups, known):
-    """Prints the counts of each room and what is left; the number of those without a test or a reason."""
-    kinds, counts, left = ("killed", "not reached", "survived", "reason", "open"), {}, []
+def run_here(groups):
     for group in groups:
-        for m in group.of["mutants"]:
-            result = group.of["results"].get(str(m["number"]), "open").split(":")[0]
-            if result in ("survived", "not reached"):
-                if has_reason(m, known):
-                    result = "reason"
-                else:
-                    left.append(f"{m['path']}:{m['line']}: {m['number']}, {result}: {m['before']} -> {m['after']}")
-            for name in (m["room"], "all"):
-                counts.setdefault(name, dict.fromkeys(kinds, 0))[result] += 1
-    print("| room | mutants | killed | not reached | survived | with a reason | killed of the rest |")
-    print("|---|---|---|---|---|---|---|")
-    for name in [n for n in counts if n != "all"] + ["all"]:
-        of = counts.get(name, dict.fromkeys(kinds, 0))
-        judged = of["killed"] + of["not reached"] + of["survived"]
-        share = f"{100 * of['killed'] / judged:.1f} %" if judged else ""
-        figures = [sum(of.values()), of["killed"], of["not reached"], of["survived"], of["reason"], share]
-        print(f"| {name} | " + " | ".join(map(str, figures)) + " |")
-    print("\n".join(["", *left]), flush=True)
-    return len(left)
+        if not group.of["mutants"]:
+            group.make()
+        if not group.of["tests"] or group.options.again:
+            group.link()
+            group.cover()
+        group.run(group.options.seconds)
+
+
+def run_packed(groups):
+    """All mutants meet the fastest tests before any of them meets the slow ones: the time may end."""
+    for group in groups:
+        group.of["bits"] = group.bits(0)
+        group.cover()
+    for seconds in (FIRST_SECONDS, groups[0].options.seconds):
+        for group in groups:
+            group.run(seconds)
+            mutate_pack.write_results(groups, group.options.state / "results.json")
 
 
 def main():
@@ -338,21 +346,31 @@ def main():
     parser.add_argument("--only", type=lambda text: text.split(","), help="of the rooms")
     parser.add_argument("--share", action="store_true")
     parser.add_argument("--table", action="store_true")
+    parser.add_argument("--minutes", type=float, default=600)
+    parser.add_argument("--pack", type=Path)
+    parser.add_argument("--packed", type=Path)
+    parser.add_argument("--merge", type=Path)
     options = parser.parse_args()
+    options.end = time.monotonic() + 60 * options.minutes
     options.build, options.state = options.build.resolve(), options.state.resolve()
+    if options.packed:
+        options.build = options.state = options.packed.resolve()
+        options.again = True
+        os.environ["LD_LIBRARY_PATH"] = str(options.packed.resolve() / "lib")
     if options.share:
         options.rooms, options.most = "share", 20
-    names = [options.rooms.split(",")] if options.rooms else []
-    if options.table:
+    names = [rooms.split(",") for rooms in options.rooms.split(";") if rooms]
+    if options.table or options.packed:
         names = names or [p.parent.name.split("-") for p in sorted(options.state.glob("*/state.json"))]
     groups = [Group(n, options) for n in names]
-    for group in groups if not options.table else []:
-        if not group.of["mutants"]:
-            group.make()
-        if not group.of["tests"] or options.again:
-            group.link()
-            group.cover()
-        group.run()
+    if options.pack:
+        mutate_pack.pack(groups, options.pack.resolve())
+    elif options.merge:
+        mutate_pack.merge(groups, options.merge)
+    elif options.packed:
+        run_packed(groups)
+    elif not options.table:
+        run_here(groups)
     return 1 if table(groups, reasons()) else 0
 
 
