@@ -98,6 +98,16 @@ TEST(MatrixMarket, BothTrianglesOfASymmetricFile) {
   const std::string head = "%%MatrixMarket matrix coordinate real symmetric\n2 2 3\n";
   const auto once = parse(head + "1 1 4\n2 1 5\n1 2 5\n");
   EXPECT_EQ(once.values, (std::vector<double>{4, 5}));
+  // Only then anybody hears of it.
+  std::vector<std::string> said;
+  ReadOptions options;
+  options.notice = [&](const std::string& text) { said.push_back(text); };
+  (void)parse_matrix_market(head + "1 1 4\n2 1 5\n1 2 5\n", "t.mtx", options);
+  ASSERT_EQ(said.size(), 1U);
+  EXPECT_NE(said[0].find("both triangles"), std::string::npos);
+  for (const char* entries : {"1 1 4\n2 1 5\n2 2 1\n", "1 1 4\n1 2 5\n2 2 1\n"})
+    (void)parse_matrix_market(head + entries, "t.mtx", options);
+  EXPECT_EQ(said.size(), 1U);
   expect_parse_error(head + "1 1 4\n2 1 5\n1 2 6\n", {"t.mtx:5:", "(1, 2) is 6", "(2, 1)", "is 5"});
 }
 
@@ -138,6 +148,13 @@ TEST(MatrixMarket, Vectors) {
             (std::vector<double>{1, 2, 2, 3}));
   EXPECT_EQ(read("%%MatrixMarket matrix array real skew-symmetric\n2 2\n7\n").values,
             (std::vector<double>{0, 7, -7, 0}));
+}
+
+TEST(MatrixMarket, PatternsAreVectorsOfOnes) {
+  ReadOptions options;
+  options.keep_pattern = true;
+  const std::string text = "%%MatrixMarket matrix coordinate pattern general\n3 2 2\n1 1\n3 2\n";
+  EXPECT_EQ(parse_matrix_market_vectors(text, "t.mtx", options).values, (std::vector<double>{1, 0, 0, 0, 0, 1}));
 }
 
 TEST(MatrixMarket, EmptyAndTiny) {
@@ -290,6 +307,10 @@ TEST(ReadMatrix, FilesThatCannotBeRead) {
   expect_error([&] { (void)read_matrix(path); }, {path, "empty"});
   write("hello\nworld\n");
   expect_error([&] { (void)read_matrix(path); }, {path + ":1:", "neither"});
+  write(std::string("\xff\xfe%\0%\0", 6));
+  expect_error([&] { (void)read_matrix(path); }, {path, "UTF-16"});
+  write(std::string("\xfe\xff\0%\0%", 6));
+  expect_error([&] { (void)read_matrix(path); }, {path, "UTF-16"});
   write("\x1f\x8b nonsense that is not gzip");
   expect_error([&] { (void)read_matrix(path); }, {path, "gzip"});
   std::filesystem::remove(path);

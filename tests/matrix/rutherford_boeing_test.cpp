@@ -98,6 +98,7 @@ TEST(FortranFormat, Parse) {
   expect("(1P,4D20.13)", 4, 20, 13, 1, true);
   expect("(1P5E16.8E3)", 5, 16, 8, 1, true);
   expect("(3(1PE25.16))", 3, 25, 16, 1, true);
+  expect("(2(3E25.16))", 6, 25, 16, 0, true);
   expect("(10F8.2)", 10, 8, 2, 0, true);
   expect("(4ES23.15)", 4, 23, 15, 0, true);
   for (const char* bad : {"", "()", "(26)", "(3A4)", "(0I3)", "(3I0)", "(3I3,2I4)", "(99999999999I3)", "(3I3.1.1)"})

@@ -1,8 +1,11 @@
 // Assembly, change of storage, permutation, validation, symmetry and norms, against dense matrices.
 #include <limits>
 #include <numeric>
+#include <span>
+#include <stdexcept>
 
 #include "matrix/helpers.hpp"
+#include "matrix/multiply.hpp"
 #include "matrix/norms.hpp"
 #include "matrix/transform.hpp"
 #include "matrix/triplets.hpp"
@@ -104,6 +107,23 @@ TEST(Transform, PermutationEqualsPAPt) {
   }
   order[0] = order[1];
   EXPECT_THROW((void)permute_symmetric(random_matrix(n, n, 3, Storage::general, 2), order), std::invalid_argument);
+}
+
+TEST(Transform, OrdersThatAreNoPermutationAreRefused) {
+  for (const std::vector<Index>& order : {std::vector<Index>{-1, 0}, {2, 0}, {1, 1}})
+    EXPECT_THROW((void)invert_permutation(order), std::invalid_argument);
+  EXPECT_EQ(invert_permutation(std::vector<Index>{2, 0, 1}), (std::vector<Index>{1, 2, 0}));
+}
+
+// Truth: sizes that do not fit are named before anything is read or written.
+TEST(Multiply, RefusesVectorsOfOtherSizes) {
+  const SparseMatrix a{2, 3, {0, 1, 1, 2}, {0, 1}, {1, 2}, Storage::general};
+  std::vector<double> x(3), y(2);
+  EXPECT_NO_THROW(multiply(a, Transpose::no, x, y, 1));
+  EXPECT_THROW(multiply(a, Transpose::no, std::span(x).first(2), y, 1), std::invalid_argument);
+  EXPECT_THROW(multiply(a, Transpose::no, x, std::span(y).first(1), 1), std::invalid_argument);
+  EXPECT_THROW(multiply(a, Transpose::yes, x, y, 1), std::invalid_argument);
+  EXPECT_THROW(multiply(a, Transpose::no, x, y, -1), std::invalid_argument);
 }
 
 TEST(Validate, NamesWhatIsWrong) {

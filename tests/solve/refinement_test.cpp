@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "reference/reference.hpp"
-
+#include "solve/refinement_steps.hpp"
 namespace espalier::solve {
 namespace {
 
@@ -77,6 +77,20 @@ TEST(Refinement, NoStepsLeaveTheSolutionAlone) {
 }
 
 // Half of the solution and of the right-hand side is zero: what stands there is an error of 100 % in each component.
+// Truth: what BackwardError's fields mean. Large normwise errors are brought down first, then componentwise ones.
+TEST(Refinement, StepsAreJudgedByTheErrorThatMatters) {
+  const auto judge = [](BackwardError before, BackwardError now) { return judge_step(before, now); };
+  EXPECT_TRUE(judge({1e-3, 1}, {1e-4, 1}).better);
+  EXPECT_FALSE(judge({1e-3, 1}, {1e-4, 1}).stalled);
+  const double tiny = 1e-17;
+  EXPECT_FALSE(judge({tiny, 1e-10}, {tiny / 4, 2e-10}).better) << "the componentwise error is worse";
+  EXPECT_TRUE(judge({tiny, 1e-10}, {tiny / 4, 1e-10}).better);
+  EXPECT_FALSE(judge({tiny, 1e-10}, {tiny, 1e-10}).better);
+  EXPECT_TRUE(judge({tiny, 1e-10}, {tiny, 0.9e-10}).better);
+  EXPECT_TRUE(judge({tiny, 1e-10}, {tiny, 0.9e-10}).stalled);
+  EXPECT_FALSE(judge({tiny, 1e-10}, {tiny, 0.4e-10}).stalled);
+}
+
 TEST(Refinement, ZerosInTheSolutionDoNotEndIt) {
   const SparseMatrix one = reference::from_triples(
       6, {{0, 0, 1}, {1, 1, 1}, {2, 2, 1}, {3, 3, 1}, {4, 4, 1}, {5, 5, 1}}, Storage::symmetric_lower);

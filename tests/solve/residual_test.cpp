@@ -224,5 +224,39 @@ TEST(Residual, ThreadsDoNotChangeBitsAndNewValuesAreUsed) {
   }
 }
 
+// Truth: the rows alone.
+TEST(Residual, PartsHaveTheNormOfTheirRows) {
+  base::ThreadPool pool(2);
+  const SparseMatrix a = reference::random_system(900, 5, Values::general, 5);
+  const ResidualOperator op(a, pool);
+  std::vector<double> sums(900, 0.0);
+  for (Offset q = 0; q < a.nonzeros(); ++q)
+    sums[static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(q)])] +=
+        std::abs(a.values[static_cast<std::size_t>(q)]);
+  EXPECT_NEAR(op.norm(false), *std::max_element(sums.begin(), sums.end()), 1e-13);
+  for (const Index first : {0, 300, 600})
+    EXPECT_NEAR(op.of_rows(first, first + 300).norm(false),
+                *std::max_element(sums.begin() + first, sums.begin() + first + 300), 1e-13);
+}
+
+// Truth: every value of vectors that several threads share, and one that is not finite wherever it stands.
+TEST(Residual, CopiesAndAddsLongVectors) {
+  const Index n = 50000;
+  base::ThreadPool pool(2);
+  const SparseMatrix a = reference::random_system(n, 1, Values::positive, 5);
+  const ResidualOperator op(a, pool);
+  const std::vector<double> from = reference::random_vector(n, 6), more = reference::random_vector(n, 7);
+  std::vector<double> to(from.size());
+  op.copy(from.data(), to.data());
+  EXPECT_EQ(to, from);
+  EXPECT_TRUE(op.add(more.data(), to.data()));
+  for (std::size_t k = 0; k < to.size(); ++k) ASSERT_EQ(to[k], from[k] + more[k]);
+  for (const std::size_t bad : {std::size_t{0}, std::size_t{20000}, to.size() - 1}) {
+    std::vector<double> broken = from;
+    broken[bad] = std::numeric_limits<double>::infinity();
+    EXPECT_FALSE(op.add(more.data(), broken.data())) << bad;
+  }
+}
+
 }  // namespace
 }  // namespace espalier::solve
