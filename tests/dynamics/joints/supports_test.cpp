@@ -85,6 +85,45 @@ TEST(Supports, ClampAShellsEdge) {
   }
 }
 
+// Truth: differences, which are exact but for rounding: reactions are linear in multipliers, their arms in coordinates.
+TEST(Supports, DerivativesOfReactions) {
+  const std::string held =
+      "[supports]\nwall = { body = \"strip\", edge = \"x0\", hold = \"all\" }\npin = { body = \"strip\", node = 7, "
+      "hold "
+      "= \"z\" }\n";
+  const auto mechanism = built(strip(held));
+  ASSERT_EQ(mechanism->supports.size(), 2U);
+  System& system = mechanism->system;
+  for (const Support* support : mechanism->supports)
+    for (const bool moment : {false, true}) {
+      SCOPED_TRACE(fmt::format("{}, moment {}", support->name(), moment));
+      const VectorFunctionPtr reaction = reaction_of(*support, moment);
+      const State s = anywhere(*mechanism, 3, 0.1);
+      VectorFunction::Derivatives d;
+      EXPECT_EQ(reaction->derivatives(s.view(), d), reaction->value(s.view()));
+      ASSERT_EQ(d.q.cols(), static_cast<Eigen::Index>(reaction->coordinates().size()));
+      EXPECT_EQ(reaction->coordinates().empty(), !moment);
+      const double h = 0.25;
+      for (std::size_t k = 0; k < reaction->coordinates().size(); ++k) {
+        Vec3 ends[2];
+        for (const int side : {0, 1}) {
+          State moved = s;
+          std::vector<double> step(s.v.size(), 0.0);
+          step[static_cast<std::size_t>(reaction->coordinates()[k])] = side == 0 ? -h : h;
+          system.retract(s.q, step, moved.q);
+          ends[side] = reaction->value(moved.view());
+        }
+        EXPECT_LE((d.q.col(static_cast<Eigen::Index>(k)) - (ends[1] - ends[0]) / (2 * h)).norm(), 1e-12) << k;
+      }
+      for (std::size_t k = 0; k < reaction->multipliers().size(); ++k) {
+        State moved = s;
+        moved.lambda[static_cast<std::size_t>(reaction->multipliers()[k])] += 1;
+        const Vec3 slope = reaction->value(moved.view()) - reaction->value(s.view());
+        EXPECT_LE((d.lambda.col(static_cast<Eigen::Index>(k)) - slope).norm(), 1e-12) << k;
+      }
+    }
+}
+
 // A rigid body on an edge, stiffly and in the mean: the same deflection of a strip with nu = 0, by the body's own
 // marker.
 TEST(Supports, CoupleAnEdgeToABody) {
