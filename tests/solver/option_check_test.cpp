@@ -38,5 +38,23 @@ TEST(OptionCheck, WhatCannotBeIsMisuse) {
   }
 }
 
+// The ends of what may be given.
+TEST(OptionCheck, LimitsMayBeGiven) {
+  const std::vector<void (*)(Options&)> right = {
+      [](Options& o) { o.pivot_threshold = 0; },
+      [](Options& o) { o.pivot_threshold = 0.5; },
+      [](Options& o) { o.refinement_steps = 0; },
+      [](Options& o) { o.required_backward_error = 0; },
+      [](Options& o) { o.sharing.additional_subtrees = 0; },
+      [](Options& o) { o.refinement_target = 0; },
+      [](Options& o) { o.interrupted_every = 0; },
+  };
+  for (std::size_t k = 0; k < right.size(); ++k) {
+    Options o = two_threads();
+    right[k](o);
+    EXPECT_NO_THROW(Solver{o}) << k;
+  }
+}
+
 }  // namespace option_check_test
 }  // namespace espalier

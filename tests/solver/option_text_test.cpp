@@ -100,6 +100,21 @@ TEST(OptionText, Devices) {
   }
 }
 
+// As others write them: the message has what was meant.
+TEST(OptionText, DevicesOfOthersAreNamed) {
+  const std::pair<const char*, const char*> meant[] = {
+      {"gpu", "'gpu:0'"}, {"GPU", "'gpu:0'"}, {"cuda", "'gpu:0'"}, {"CUDA:1", "'gpu:1'"}, {"Cpu", "'cpu'"}};
+  for (const auto& [given, shown] : meant) {
+    Options options;
+    try {
+      set_option(options, "device", given);
+      FAIL() << given;
+    } catch (const Error& e) {
+      EXPECT_NE(e.status().message.find(shown), std::string::npos) << e.status().message;
+    }
+  }
+}
+
 TEST(OptionText, Names) {
   EXPECT_EQ(name_of(Kind::automatic), "auto");
   EXPECT_EQ(name_of(Kind::lu), "lu");

@@ -133,6 +133,38 @@ TEST(SolveRows, OfPerturbedFactorsAreRefined) {
   EXPECT_NEAR(x[1], whole[0], 1e-12);
 }
 
+// A factor in single precision is not good enough: solutions are whole and refined, many at a time.
+TEST(SolveRows, OfMixedPrecisionAreRefined) {
+  const SparseMatrix a = generated({"elasticity", "5"});
+  Options o = two_threads();
+  o.precision = Precision::mixed;
+  Solver s(o);
+  ASSERT_TRUE(s.analyze(a).status.ok());
+  ASSERT_TRUE(s.factorize(a).status.ok());
+  const Index columns = 100;
+  std::vector<Offset> ptr{0};
+  std::vector<Index> rows, wanted{2, 0};
+  for (Index c = 0; c < columns; ++c) {
+    rows.push_back(3 * c);
+    ptr.push_back(c + 1);
+  }
+  const std::vector<double> loads(rows.size(), 1);
+  std::vector<double> x(2 * rows.size());
+  const SolveRowsResult r = solve_rows(s, {ptr, rows, loads}, wanted, x);
+  ASSERT_TRUE(r.status.ok()) << r.status.message;
+  EXPECT_EQ(r.share, 1);
+  EXPECT_GT(r.refinement_steps, 0);
+  EXPECT_GT(r.backward_error, 0);
+  EXPECT_LE(r.backward_error, 1e-15);
+  for (Index c = 0; c < columns; ++c) {
+    std::vector<double> b(static_cast<std::size_t>(a.cols), 0.0), whole(b.size());
+    b[static_cast<std::size_t>(3 * c)] = 1;
+    ASSERT_TRUE(s.solve(b, whole).status.ok());
+    EXPECT_NEAR(x[2 * static_cast<std::size_t>(c)], whole[2], 1e-13);
+    EXPECT_NEAR(x[2 * static_cast<std::size_t>(c) + 1], whole[0], 1e-13);
+  }
+}
+
 TEST(SolveRows, RefuseWhatDoesNotFit) {
   const SparseMatrix a = generated({"elasticity", "3"});
   Solver s(two_threads());
