@@ -162,6 +162,14 @@ TEST(SpaceCurves, MeetTheirPointsAndBendAsTheCircle) {
   EXPECT_NEAR(line.length(), 5, 1e-14);
   EXPECT_NEAR(line.arc(line.nearest({6, 8, 1})), 10, 1e-13);
   EXPECT_NEAR(line.arc(line.nearest({-0.3, -0.4, 2})), -0.5, 1e-13);
+  // The nearest of all places, from anywhere; also where the opposite of a point lies near the beginning.
+  const SpaceCurve bow({{1, 0, 0}, {2, 2, 1}, {0, 4, 0}, {-1, 1, 2}}, false);
+  for (const Vec3& p : {Vec3(-1, 0, 0), Vec3(-0.9, 0.3, 1), Vec3(1, 4, -1), Vec3(2, 2, 2), Vec3(0, 0, 0)}) {
+    double least = (p - bow.at(bow.least()).x).norm();
+    for (int k = 0; k <= 1000; ++k)
+      least = std::min(least, (p - bow.at(bow.least() + k * (bow.most() - bow.least()) / 1000).x).norm());
+    EXPECT_LE((p - bow.at(bow.nearest(p)).x).norm(), least + 1e-12) << p.transpose();
+  }
   // Three: a parabola; more, of third degree at most: met exactly.
   const SpaceCurve parabola({{-1, 1, 0}, {0, 0, 0}, {1, 1, 0}}, false);
   for (const double u : {0.2, 0.9, 2.3}) EXPECT_NEAR(parabola.at(u).x.y(), std::pow(parabola.at(u).x.x(), 2), 1e-14);

@@ -475,6 +475,12 @@ TEST_F(MeshOther, MfemStraightAndCurved) {
       write("n.mesh",
             head + "nodes\nFiniteElementSpace\nFiniteElementCollection: L2_T1_3D_P2\nVDim: 3\nOrdering: 1\n1 2 3\n"),
       20, "L2_T1_3D_P2");
+  const auto space = [&](const std::string& name, const std::string& dimension) {
+    return write("s.mesh", head + "nodes\nFiniteElementSpace\nFiniteElementCollection: " + name +
+                               "\nVDim: " + dimension + "\nOrdering: 1\n1 2 3\n");
+  };
+  for (const char* name : {"H1_3DXP2", "XXX3D_P2", "H1_3D_P4", "H1_3D_P"}) expect_error(space(name, "3"), 20, name);
+  for (const char* dimension : {"7", "-", "33"}) expect_error(space("H1_3D_P2", dimension), 21, "VDim");
   expect_error(write("o.mesh", replaced(head, "MFEM mesh", "MFEM NURBS mesh") + "3\n" + corners), 1, "NURBS");
 }
 
