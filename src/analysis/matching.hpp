@@ -51,6 +51,6 @@ std::vector<Index> pairs_for_lu(const MatrixView& a, const Matching& m, base::Th
 struct Scaling {
   std::vector<double> row, col;
 };
-Scaling equilibrate(const MatrixView& a);
+Scaling equilibrate(const MatrixView& a, base::ThreadPool& pool);
 
 }  // namespace espalier::analysis

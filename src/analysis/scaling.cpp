@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 
 #include "analysis/matching.hpp"
@@ -15,50 +16,70 @@ constexpr int kMostSweeps = 14;
 constexpr double kTooFar = 0x1p32;
 constexpr double kMostScale = 0x1p1000;
 
-void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector<double>& c, std::vector<double>& rows,
-            std::vector<double>& cols) {
-  std::fill(rows.begin(), rows.end(), 0);
-  std::fill(cols.begin(), cols.end(), 0);
-  for (std::size_t j = 0; j < cols.size(); ++j) {
-    double most = 0;
-    for (Offset k = a.col_ptr[j]; k < a.col_ptr[j + 1]; ++k) {
-      const auto i = static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(k)]);
-      const double value = std::abs(a.values[static_cast<std::size_t>(k)]) * r[i] * c[j];
-      most = std::max(most, value);
-      rows[i] = std::max(rows[i], value);
-    }
-    cols[j] = most;
+constexpr std::int64_t kGrain = 1 << 14;  // columns that a thread takes at a time
+
+// A largest number does not depend on who comes first.
+void raise(double& most, double value) {
+  std::atomic_ref<double> shared(most);
+  double now = shared.load(std::memory_order_relaxed);
+  while (value > now && !shared.compare_exchange_weak(now, value, std::memory_order_relaxed)) {
   }
+}
+
+void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector<double>& c, std::vector<double>& rows,
+            std::vector<double>& cols, base::ThreadPool& pool) {
+  std::fill(rows.begin(), rows.end(), 0);
+  pool.for_each_range(a.cols, kGrain, [&](std::int64_t begin, std::int64_t end) {
+    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
+      double most = 0;
+      for (Offset k = a.col_ptr[j]; k < a.col_ptr[j + 1]; ++k) {
+        const auto i = static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(k)]);
+        const double value = std::abs(a.values[static_cast<std::size_t>(k)]) * r[i] * c[j];
+        most = std::max(most, value);
+        raise(rows[i], value);
+      }
+      cols[j] = most;
+    }
+  });
   if (!a.symmetric()) return;
   for (std::size_t j = 0; j < cols.size(); ++j) rows[j] = cols[j] = std::max(rows[j], cols[j]);
 }
 
-void divide_by_root(std::vector<double>& scale, const std::vector<double>& most) {
-  for (std::size_t i = 0; i < scale.size(); ++i)
-    if (most[i] > 0) scale[i] = std::clamp(scale[i] / std::sqrt(most[i]), 1 / kMostScale, kMostScale);
+// change(element) of each, by all threads.
+template <class Change>
+void change_all(std::vector<double>& scale, base::ThreadPool& pool, const Change& change) {
+  pool.for_each_range(static_cast<std::int64_t>(scale.size()), kGrain, [&](std::int64_t begin, std::int64_t end) {
+    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) scale[i] = change(i);
+  });
+}
+
+void divide_by_root(std::vector<double>& scale, const std::vector<double>& most, base::ThreadPool& pool) {
+  change_all(scale, pool, [&](std::size_t i) {
+    return most[i] > 0 ? std::clamp(scale[i] / std::sqrt(most[i]), 1 / kMostScale, kMostScale) : scale[i];
+  });
 }
 
 bool any_far(const std::vector<double>& most) {
   return std::any_of(most.begin(), most.end(), [](double m) { return m > kTooFar || (m < 1 / kTooFar && m > 0); });
 }
 
-void round_to_powers_of_two(std::vector<double>& scale) {
-  for (double& s : scale) s = std::exp2(std::round(std::log2(s)));
+void round_to_powers_of_two(std::vector<double>& scale, base::ThreadPool& pool) {
+  change_all(scale, pool, [&](std::size_t i) { return std::exp2(std::round(std::log2(scale[i]))); });
 }
 
 }  // namespace
 
-Scaling equilibrate(const MatrixView& a) {
+Scaling equilibrate(const MatrixView& a, base::ThreadPool& pool) {
   Scaling out{std::vector<double>(static_cast<std::size_t>(a.rows), 1),
               std::vector<double>(static_cast<std::size_t>(a.cols), 1)};
   std::vector<double> rows(out.row.size()), cols(out.col.size());
   for (int sweep = 0; sweep < kSweeps || (sweep < kMostSweeps && (any_far(rows) || any_far(cols))); ++sweep) {
-    maxima(a, out.row, out.col, rows, cols);
-    divide_by_root(out.row, rows);
-    divide_by_root(out.col, cols);
+    maxima(a, out.row, out.col, rows, cols, pool);
+    divide_by_root(out.row, rows, pool);
+    divide_by_root(out.col, cols, pool);
   }
-  round_to_powers_of_two(out.row);
-  round_to_powers_of_two(out.col);
+  round_to_powers_of_two(out.row, pool);
+  round_to_powers_of_two(out.col, pool);
   return out;
 }
 

@@ -8,6 +8,10 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <string>
+#include <vector>
+
+#include "matrix/generators/generate.hpp"
 
 namespace espalier::analysis {
 namespace {
@@ -305,6 +309,7 @@ TEST(PairsForLu, RowsFollowAMatchingThatLiesOffThePattern) {
 }
 
 TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
+  base::ThreadPool one(1);
   for (const Storage storage : {Storage::general, Storage::symmetric_lower}) {
     std::mt19937 random(5);
     Dense d = random_dense(50, 0.2, 3, random, storage != Storage::general);
@@ -312,7 +317,7 @@ TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
     for (double& w : wild) w = std::pow(10.0, static_cast<double>(random() % 13) - 6);
     for (std::size_t i = 0; i < 50; ++i)
       for (std::size_t j = 0; j < 50; ++j) d[i][j] = (i == j ? 1.0 : d[i][j]) * wild[i] * wild[j];
-    const Scaling s = equilibrate(sparse_of(d, storage));
+    const Scaling s = equilibrate(sparse_of(d, storage), one);
     for (std::size_t i = 0; i < 50; ++i) {
       double row = 0;
       for (std::size_t j = 0; j < 50; ++j) row = std::max(row, std::abs(s.row[i] * d[i][j] * s.col[j]));
@@ -325,6 +330,19 @@ TEST(Equilibrate, BringsTheLargestEntriesOfRowsAndColumnsNearOne) {
       EXPECT_EQ(s.row, s.col);
     }
   }
+}
+
+TEST(Equilibrate, GivesTheSameBitsForAnyNumberOfThreads) {
+  constexpr Index kSide = 300;  // more columns than a thread takes at a time
+  const SparseMatrix a = matrix::generate(
+      matrix::parse_generator(std::vector<std::string>{"poisson", std::to_string(kSide), std::to_string(kSide), "1"}));
+  SparseMatrix wild = a;
+  std::mt19937 random(7);
+  for (double& v : wild.values) v *= std::exp2(static_cast<double>(random() % 200) - 100);
+  base::ThreadPool one(1), three(3);
+  const Scaling s = equilibrate(wild, one), t = equilibrate(wild, three);
+  EXPECT_EQ(s.row, t.row);
+  EXPECT_EQ(s.col, t.col);
 }
 
 /// A permuted matrix of entries around 1, and `tiny` ones elsewhere, on the diagonal too.

@@ -222,7 +222,7 @@ void scale_and_match(PreparedMatrix& p, Kind kind, const Options& options, base:
   } else if (kind == Kind::lu && options.matching) {
     match_general(p, a, partners_needed, pool);
   } else {
-    analysis::Scaling s = analysis::equilibrate(a);
+    analysis::Scaling s = analysis::equilibrate(a, pool);
     p.row_scale = std::move(s.row);
     p.col_scale = std::move(s.col);
   }
@@ -270,7 +270,7 @@ Scales scales_for(const PreparedMatrix& p, std::span<const double> values, bool 
     scales.row = std::move(m.row_scale);
     scales.col = std::move(m.col_scale);
   } else {
-    analysis::Scaling s = analysis::equilibrate(a);
+    analysis::Scaling s = analysis::equilibrate(a, pool);
     scales.row = std::move(s.row);
     scales.col = std::move(s.col);
   }
