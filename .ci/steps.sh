@@ -209,6 +209,9 @@ test_instructions() {
   return $status
 }
 
+# A share of the tests with other threads, in a language whose numbers have commas, in another time zone, with another umask.
+test_switches() { python3 tests/switches/switches.py --share; }
+
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
 check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }
 

@@ -5,8 +5,9 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <cstdlib>
 #include <cstring>
+
+#include "base/strtod.hpp"
 
 namespace espalier::matrix {
 
@@ -27,7 +28,7 @@ ScanError scan_difficult(const char* begin, const char* end, double& value) {
   if (letter != std::string::npos) word[letter] = 'e';
   if (word.find_first_of("xXpP") != std::string::npos) return ScanError::not_a_number;  // C's hexadecimal notation
   char* stop = nullptr;
-  value = std::strtod(word.c_str(), &stop);
+  value = base::strtod(word.c_str(), &stop);
   if (word.empty() || *stop != '\0') return ScanError::not_a_number;
   if (std::isfinite(value)) return ScanError::none;
   const bool named = word.find_first_of("nN") != std::string::npos;  // "nan", "inf"

@@ -1,5 +1,7 @@
 #include "dynamics/constraints/redundancy.hpp"
 
+#include <fmt/format.h>
+
 #include <Eigen/Core>
 #include <algorithm>
 #include <cmath>
@@ -275,12 +277,13 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
     if (r.violation <= allowed && slip <= allowed) continue;
     const std::string partner = r.partners.empty() ? "the other constraints" : r.partners.front();
     const bool position = r.violation > allowed;
-    throw Error(StatusCode::invalid_input,
-                r.name + " contradicts " + partner + " at t = " + std::to_string(state.t) + ": " +
-                    (position ? "position differs by " + std::to_string(r.violation)
-                              : "velocity differs by " + std::to_string(slip * speed)) +
-                    "; correct the geometry (or the prescribed motion) of one of the two, or remove one",
-                r.row);
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("{} contradicts {} at t = {:f}: {} differs by {:f}; correct the geometry (or the prescribed "
+                    "motion) of one of the two, or remove one",
+                    r.name, partner, state.t, position ? "position" : "velocity",
+                    position ? r.violation : slip * speed),
+        r.row);
   }
 }
 

@@ -4,8 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
+#include "base/strtod.hpp"
 #include "dynamics/mesh/line_cards.hpp"
 #include "dynamics/mesh/read/inp_walk.hpp"
 
@@ -26,7 +26,7 @@ class InpSection {
 
   LineSection beam() {
     for (const char* other : {"OFFSET1", "OFFSET2"})
-      if (!keyword_.get(other).empty() && std::strtod(keyword_.get(other).c_str(), nullptr) != 0)
+      if (!keyword_.get(other).empty() && base::strtod(keyword_.get(other).c_str()) != 0)
         fault(fmt::format("{} is not read", other));
     read(8);
     const std::string shape = upper(keyword_.get("SECTION"));
@@ -69,7 +69,7 @@ class InpSection {
     out_.own.name = fmt::format("line {}", reader_.line());
     out_.own.young = x_[0];
     out_.own.poisson = x_[1] > 0 ? x_[0] / (2 * x_[1]) - 1 : 0;
-    out_.own.density = std::strtod(keyword_.get("DENSITY").c_str(), nullptr);
+    out_.own.density = base::strtod(keyword_.get("DENSITY").c_str());
     return std::move(out_);
   }
 

@@ -3,9 +3,9 @@
 #include <fmt/format.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <map>
 
+#include "base/strtod.hpp"
 #include "dynamics/mesh/names.hpp"
 #include "dynamics/mesh/nastran_cards.hpp"
 #include "dynamics/mesh/read/inp_walk.hpp"
@@ -21,7 +21,7 @@ double inp_offset(const LineReader& reader, const InpKeyword& keyword) {
   if (text == "SPOS") return -0.5;
   if (text == "SNEG") return 0.5;
   char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
+  const double value = base::strtod(text.c_str(), &end);
   if (*end != '\0' || !std::isfinite(value))
     reader.fail(fmt::format("OFFSET={} must be a number of thicknesses, SPOS or SNEG", text));
   return 0.0 - value;

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <sstream>
 #include <system_error>
 
 #include "base/output_file.hpp"
+#include "base/strtod.hpp"
 #include "matrix/file.hpp"
 
 namespace espalier::dynamics {
@@ -69,7 +69,7 @@ void CsvWriter::resume(const std::string& header, double keep_until) {
 
 CsvWriter::Line CsvWriter::read_line(std::string text, std::int64_t number) const {
   char* end = nullptr;
-  const double time = std::strtod(text.c_str(), &end);
+  const double time = base::strtod(text.c_str(), &end);
   const double last = later_.empty() ? kept_ : later_.back().time;
   const bool good = end != text.c_str() && (*end == ',' || *end == '\0') && !(time <= last) && std::isfinite(time) &&
                     static_cast<std::size_t>(std::count(text.begin(), text.end(), ',')) == columns_.size();

@@ -11,6 +11,7 @@
 #include <system_error>
 
 #include "base/output_file.hpp"
+#include "base/strtod.hpp"
 #include "matrix/file.hpp"
 
 namespace espalier::dynamics {
@@ -133,7 +134,7 @@ std::vector<PvdSeries::DataSet> PvdSeries::listed() const {
       return line.substr(from + name.size() + 2, to - from - name.size() - 2);
     };
     constexpr int kMostParts = 1000000;
-    const DataSet entry{std::strtod(attribute("timestep").c_str(), nullptr), std::atoi(attribute("part").c_str()),
+    const DataSet entry{base::strtod(attribute("timestep").c_str()), std::atoi(attribute("part").c_str()),
                         attribute("file")};
     if (entry.part >= 0 && entry.part < kMostParts) result.push_back(entry);
   }

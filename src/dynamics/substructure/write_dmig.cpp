@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdlib>
 
+#include "base/strtod.hpp"
 #include "dynamics/substructure/write_matrices.hpp"
 
 namespace espalier::dynamics {
@@ -51,8 +51,8 @@ namespace {
 
 double value_of_field(const std::string& field) {
   const std::size_t sign = field.find_last_of("+-");
-  if (sign == std::string::npos || sign == 0) return std::strtod(field.c_str(), nullptr);
-  return std::strtod((field.substr(0, sign) + "e" + field.substr(sign)).c_str(), nullptr);
+  if (sign == std::string::npos || sign == 0) return base::strtod(field.c_str());
+  return base::strtod((field.substr(0, sign) + "e" + field.substr(sign)).c_str());
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // Pairs of rigid shapes. Truth: central differences of the forces, Newton's third law, distances in closed form.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -261,7 +262,7 @@ TEST(ContactShapes, FilesGiveTheSameSurface) {
     binary.append(12, '\0');
     for (const int k : t) {
       const float* x = corner[k];
-      stl += "vertex " + std::to_string(x[0]) + " " + std::to_string(x[1]) + " " + std::to_string(x[2]) + "\n";
+      stl += fmt::format("vertex {:f} {:f} {:f}\n", x[0], x[1], x[2]);
       binary.append(reinterpret_cast<const char*>(x), 12);
     }
     stl += "endloop\nendfacet\n";

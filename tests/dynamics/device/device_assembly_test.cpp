@@ -1,4 +1,5 @@
 // Bodies and the matrix K on a GPU. Truth: the host.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -32,8 +33,8 @@ std::unique_ptr<LinearSolver> solver_on(const std::string& device, Index unknown
 std::unique_ptr<model::Mechanism> engine(const std::string& formulation, double damping) {
   return test::built_from("engine.toml",
                           {"parameters.unknowns=1200", "bodies.crank.hex8=\"" + formulation + "\"",
-                           "bodies.crank.damping.stiffness=" + std::to_string(damping),
-                           "bodies.crank.damping.mass=" + std::to_string(1e5 * damping)},
+                           "bodies.crank.damping.stiffness=" + fmt::format("{:f}", damping),
+                           "bodies.crank.damping.mass=" + fmt::format("{:f}", 1e5 * damping)},
                           2);
 }
 

@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "base/strtod.hpp"
 #include "dynamics/mesh/deck_bar.hpp"
 
 namespace espalier::dynamics {
@@ -65,7 +66,7 @@ TEST_F(DeckConnectors, ElasticityAndDamping) {
     if (*stiffness == 0) {
       free = turn;
     } else {
-      EXPECT_NEAR(1 / turn - 1 / free, std::stod(stiffness), 1e-9);
+      EXPECT_NEAR(1 / turn - 1 / free, base::strtod(stiffness), 1e-9);
     }
   }
   EXPECT_GT(free, 0);

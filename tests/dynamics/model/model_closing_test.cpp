@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/model_common.hpp"
 
 namespace espalier::dynamics {
@@ -37,7 +38,7 @@ std::string failure_text(const std::string& text) {
 double number_behind(const std::string& text, const std::string& words) {
   const std::size_t at = text.find(words);
   EXPECT_NE(at, std::string::npos) << words << " in " << text;
-  return at == std::string::npos ? std::nan("") : std::atof(text.c_str() + at + words.size());
+  return at == std::string::npos ? std::nan("") : base::strtod(text.c_str() + at + words.size());
 }
 
 std::string link_rod(double x, double length) {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "base/strtod.hpp"
 #include "dynamics/guarded.hpp"
 #include "dynamics/integrators/interpolation.hpp"
 #include "dynamics/mesh/read.hpp"
@@ -64,7 +65,7 @@ std::vector<double> frames(const std::string& path) {
   std::vector<double> times;
   const std::string key = "timestep=\"";
   for (std::size_t at = text.find(key); at != std::string::npos; at = text.find(key, at + 1))
-    times.push_back(std::stod(text.substr(at + key.size())));
+    times.push_back(base::strtod(text.c_str() + at + key.size()));
   return times;
 }
 

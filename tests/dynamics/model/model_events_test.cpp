@@ -1,5 +1,6 @@
 // Events, inputs and turns. Truth: closed forms of free fall and impacts, conservation of momentum, and a run without a
 // break for restarts.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -223,7 +224,7 @@ quantities = ["bob.position", "bob.velocity", "bob.rotation", "hinge.angle"]
       const ScratchFolder one, two;
       SimulationOptions options;
       options.out = one.path();
-      options.set = {"output.exact_times=true", "output.restart_interval=" + std::to_string(cut)};
+      options.set = {"output.exact_times=true", "output.restart_interval=" + fmt::format("{:f}", cut)};
       static_cast<void>(simulated(model, options));
       options.out = two.path();
       options.until = cut;

@@ -1,4 +1,6 @@
 // Frequency responses of models: closed forms of masses, pendulums and beams; loads of all sorts; quantities; files.
+#include <fmt/format.h>
+
 #include "dynamics/model/model_common.hpp"
 #include "dynamics/model/model_harmonic_common.hpp"
 
@@ -43,7 +45,7 @@ TEST(ModelHarmonic, AMassOnASpringIsItsClosedForm) {
   for (const double eta : {0.0, 0.1}) {
     const ModelHarmonicResult r = responded(
         std::string(kMassOnARail) +
-        "[harmonic]\nfrom = 0\nto = 6\npoints = 13\nloads = [\"shaker\"]\nloss_factor = " + std::to_string(eta) +
+        "[harmonic]\nfrom = 0\nto = 6\npoints = 13\nloads = [\"shaker\"]\nloss_factor = " + fmt::format("{:f}", eta) +
         "\nquantities = [\"bob.position.z\", \"bob.velocity.z\", \"bob.acceleration.z\", \"spring.force.z\", "
         "\"shaker.force.z\", \"bob.position.x\", \"energy.kinetic\"]\n");
     ASSERT_TRUE(r.status.ok()) << r.status.message;
@@ -147,7 +149,7 @@ to = 6
 points = 12
 loads = { shake = { table = { amplitude = 0.01, phase = 90 } } }
 quantities = ["bob.position.z", "base.position.z", "table.force.z"]
-loss_factor = )" + std::to_string(eta));
+loss_factor = )" + fmt::format("{:f}", eta));
     ASSERT_TRUE(r.status.ok()) << r.status.message;
     for (std::size_t p = 0; p < r.response.points.size(); ++p) {
       const double w = kTwoPi * r.response.points[p].frequency;

@@ -1,6 +1,7 @@
 // Every kind of body, joint and force through the text. Truth: closed forms of statics; degrees of freedom by counting.
 #include <gtest/gtest.h>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/model_common.hpp"
 
 namespace espalier::dynamics {
@@ -230,7 +231,7 @@ TEST(ModelKinds, OutputsComeAtTheirTimes) {
        {"hinge.force.x", "hinge.moment.z", "energy.total", "constraints.velocity", "step.order"})
     EXPECT_NE(header.find(word), std::string::npos) << word;
   std::vector<double> times;
-  while (std::getline(lines, line)) times.push_back(std::stod(line));
+  while (std::getline(lines, line)) times.push_back(base::strtod(line.c_str()));
   ASSERT_EQ(times.size(), 5U);
   for (std::size_t k = 0; k < 5; ++k) EXPECT_NEAR(times[k], 0.25 * static_cast<double>(k), 1e-15);
 }

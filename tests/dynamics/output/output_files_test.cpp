@@ -8,6 +8,7 @@
 #include <fstream>
 #include <regex>
 
+#include "base/strtod.hpp"
 #include "dynamics/output/csv.hpp"
 #include "dynamics/output/vtu.hpp"
 
@@ -162,7 +163,7 @@ TEST_F(OutputFiles, PvdSeriesListsTheSteps) {
   const std::regex entry("<DataSet timestep=\"([^\"]*)\" part=\"([0-9])\" file=\"([^\"]*)\"/>");
   std::vector<std::string> files;
   for (std::sregex_iterator it(content.begin(), content.end(), entry), end; it != end; ++it) {
-    EXPECT_EQ(std::stod((*it)[1]), 0.1 * static_cast<double>(files.size() / 2));
+    EXPECT_EQ(base::strtod((*it)[1].str().c_str()), 0.1 * static_cast<double>(files.size() / 2));
     files.push_back((*it)[3]);
   }
   ASSERT_EQ(files.size(), 6U);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <regex>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/model_common.hpp"
 #include "dynamics/page/json_text.hpp"
 #include "dynamics/page/packed.hpp"
@@ -79,7 +80,7 @@ TEST(PageText, HasNoMarkup) {
   for (const char* broken : {"\xC3", "\xFF", "\xC0\xAF", "\xED\xA0\x80", "\xF5\x80\x80\x80", "\xE2\x82"})
     EXPECT_NE(page::json_text(broken).find("\\ufffd"), std::string::npos);
   EXPECT_EQ(page::json_number(std::nan("")), "null");
-  EXPECT_EQ(std::stod(page::json_number(0.1)), 0.1);
+  EXPECT_EQ(base::strtod(page::json_number(0.1).c_str()), 0.1);
 }
 
 TEST(PageRows, AreThinnedOutEvenlyAndKeepTheLast) {
@@ -111,10 +112,10 @@ TEST(PageFilm, ShowsTheMotionAtEvenTimes) {
   const std::regex frame(R"(\{"t":([-0-9.e+]+),"piece":(\d+),"place":(\d+),"ranges":\[([^\]]*)\])");
   std::size_t checked = 0;
   for (std::sregex_iterator it(data.begin(), data.end(), frame), end; it != end; ++it) {
-    times.push_back(std::stod((*it)[1]));
+    times.push_back(base::strtod((*it)[1].str().c_str()));
     std::vector<double> ranges;
     std::istringstream list((*it)[4]);
-    for (std::string number; std::getline(list, number, ',');) ranges.push_back(std::stod(number));
+    for (std::string number; std::getline(list, number, ',');) ranges.push_back(base::strtod(number.c_str()));
     ASSERT_GE(ranges.size(), 14U);
     // The sections px, py, pz of one body: each range is the place itself. The hinge is the origin, the arm 1 long.
     EXPECT_NEAR(std::hypot(ranges[6], ranges[8], ranges[10]), 1, 1e-5);
@@ -152,8 +153,8 @@ TEST(PageFilm, DropsWhatAnEarlierStateUndoes) {
   std::size_t count = 0;
   const std::regex frame(R"(\{"t":([-0-9.e+]+),"piece")");
   for (std::sregex_iterator it(data.begin(), data.end(), frame), last; it != last; ++it, ++count) {
-    EXPECT_GT(std::stod((*it)[1]), before);
-    before = std::stod((*it)[1]);
+    EXPECT_GT(base::strtod((*it)[1].str().c_str()), before);
+    before = base::strtod((*it)[1].str().c_str());
   }
   EXPECT_GE(count, 200U);
   EXPECT_EQ(before, end);

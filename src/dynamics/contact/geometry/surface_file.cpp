@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
+#include <locale>
 #include <sstream>
 #include <stdexcept>
 #include <utility>
@@ -54,6 +55,7 @@ Soup parse_text_stl(const std::string& text, const std::string& path) {
   std::string line, word;
   for (int number = 1; std::getline(in, line); ++number) {
     std::istringstream words(line);
+    words.imbue(std::locale::classic());
     if (!(words >> word) || lower(word) != "vertex") continue;
     Vec3 x;
     if (!(words >> x[0] >> x[1] >> x[2])) fail_file(fmt::format("{}:{}", path, number), "needs three numbers");
@@ -69,6 +71,7 @@ Soup parse_obj(const std::string& text, const std::string& path) {
   std::string line, word;
   for (int number = 1; std::getline(in, line); ++number) {
     std::istringstream words(line);
+    words.imbue(std::locale::classic());
     if (!(words >> word)) continue;
     if (word == "v") {
       Vec3 x;

@@ -3,11 +3,11 @@
 
 #include <algorithm>
 #include <charconv>
-#include <cstdlib>
 #include <initializer_list>
 #include <numbers>
 #include <utility>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/read/expression.hpp"
 
 namespace espalier::dynamics::model {
@@ -124,7 +124,7 @@ class ExpressionParser {
     const auto [end, error] = std::from_chars(begin, text_.data() + text_.size(), value);
     if (error == std::errc::invalid_argument) stop("not a number");
     // Too large or too small for a double: infinity, which is refused, or zero.
-    if (error == std::errc::result_out_of_range) value = std::strtod(std::string(begin, end).c_str(), nullptr);
+    if (error == std::errc::result_out_of_range) value = base::strtod(std::string(begin, end).c_str(), nullptr);
     at_ += static_cast<std::size_t>(end - begin);
     emit(Kind::number, value);
   }

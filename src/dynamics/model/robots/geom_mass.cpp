@@ -1,5 +1,7 @@
 #include "dynamics/model/robots/geom_mass.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <numbers>
@@ -109,9 +111,11 @@ Mass mesh_mass(const Geom& g, MeshInertia how) {
     m.centre += w * (shell ? Vec3(sum / 3) : Vec3((sum + middle) / 4));
   }
   if (!(m.mass > 0))
-    throw Error(StatusCode::invalid_input,
-                g.file + ": the volume inside is " + std::to_string(m.mass) +
-                    "; its triangles must be closed and look outwards (or give the body an <inertial>)");
+    throw Error(
+        StatusCode::invalid_input,
+        fmt::format("{}: the volume inside is {:f}; its triangles must be closed and look outwards (or give the "
+                    "body an <inertial>)",
+                    g.file, m.mass));
   m.centre /= m.mass;
   // Integrals of x x^T over tetrahedra with one corner in the centre, and over triangles (exact for polynomials).
   Mat3 second = Mat3::Zero();

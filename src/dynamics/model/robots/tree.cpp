@@ -1,5 +1,7 @@
 #include "dynamics/model/robots/tree.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -184,10 +186,11 @@ class TreeMaker {
       }
       const Vec3 principal = dense::principal_values(m.mass.inertia);
       if (!(principal[0] > 1e-15 * principal[2]) || !std::isfinite(principal[2]))
-        throw Error(StatusCode::invalid_input,
-                    who + "has a mass and an inertia that is not positive (principal moments " +
-                        std::to_string(principal[0]) + ", " + std::to_string(principal[1]) + ", " +
-                        std::to_string(principal[2]) + "): give it that of its shape");
+        throw Error(
+            StatusCode::invalid_input,
+            fmt::format("{}has a mass and an inertia that is not positive (principal moments {:f}, {:f}, {:f}): "
+                        "give it that of its shape",
+                        who, principal[0], principal[1], principal[2]));
       if (principal[0] + principal[1] < principal[2] * (1 - 1e-6))
         robot_.notices.push_back(who +
                                  "has an inertia that no body has: the largest principal moment exceeds the sum "

@@ -2,9 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <cerrno>
 #include <numbers>
 #include <stdexcept>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/units/key_dimensions.hpp"
 
 namespace espalier::dynamics::model {
@@ -99,11 +101,10 @@ class UnitApplier {
   }
 
   static double parsed_number(const Value& value, const std::string& number) {
-    try {
-      return std::stod(number);
-    } catch (const std::exception&) {
-      fail(value.place, fmt::format("\"{}\" is beyond the range of numbers", excerpt(value.text)));
-    }
+    errno = 0;
+    const double read = base::strtod(number.c_str());
+    if (errno == ERANGE) fail(value.place, fmt::format("\"{}\" is beyond the range of numbers", excerpt(value.text)));
+    return read;
   }
 
   void list(Value& value, const std::string& number, const PhysicalUnit& unit,

@@ -4,11 +4,11 @@
 
 #include <array>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <stdexcept>
 #include <utility>
 
+#include "base/strtod.hpp"
 #include "dynamics/model/read/value.hpp"
 
 namespace espalier::dynamics::model {
@@ -117,7 +117,7 @@ double take_exponent(std::string_view& text) {
     if (caret) throw std::invalid_argument("a number is missing behind '^'");
     return 1;
   }
-  const double exponent = std::atof(std::string(text.substr(0, end)).c_str());
+  const double exponent = base::strtod(std::string(text.substr(0, end)).c_str());
   text.remove_prefix(end);
   return exponent;
 }
