@@ -137,7 +137,7 @@ void Communicator::check(int error) {
   table_.explain(table_.context, error, text, sizeof text);
   const int dead = table_.dead_rank != nullptr ? table_.dead_rank(table_.context) : -1;
   lose(dead >= 0 && dead < size() ? fmt::format("{} has died ({})", name_of(dead), text)
-                                  : fmt::format("messages between ranks fail: {}", text));
+                                  : fmt::format("messages of {} fail: {}", name_of(rank()), text));
 }
 
 void Communicator::lose(const std::string& why) {
