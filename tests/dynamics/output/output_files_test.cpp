@@ -191,8 +191,13 @@ TEST_F(OutputFiles, CsvReadsBack) {
   EXPECT_EQ(line, "time,x [m],\"a, \"\"b\"\"\"");
   std::vector<double> times;
   while (std::getline(file, line)) {
-    double t = 0, x = 0, y = 0;
-    ASSERT_EQ(std::sscanf(line.c_str(), "%lf,%lf,%lf", &t, &x, &y), 3);
+    char* end = nullptr;
+    const double t = base::strtod(line.c_str(), &end);
+    ASSERT_EQ(*end, ',');
+    const double x = base::strtod(end + 1, &end);
+    ASSERT_EQ(*end, ',');
+    const double y = base::strtod(end + 1, &end);
+    ASSERT_EQ(*end, '\0');
     times.push_back(t);
     EXPECT_EQ(x, q[0]);
     EXPECT_EQ(y, q[1]);
