@@ -17,19 +17,19 @@ namespace changed_work_test {
 
 using namespace changed;
 
-/// A symmetric positive definite matrix of condition 1e5, and g^T A^-1 g in long double.
+/// A symmetric positive definite matrix whose condition has so many decades, and g^T A^-1 g in long double.
 struct Narrow {
   SparseMatrix a;
   std::vector<double> g;
   long double complement;
 };
-Narrow narrow_system(Index n, unsigned seed) {
+Narrow narrow_system(Index n, double decades, unsigned seed) {
   using Long = Eigen::Matrix<long double, Eigen::Dynamic, Eigen::Dynamic>;
   const std::vector<double> entries = reference::random_vector(n * n, seed);
   const Eigen::MatrixXd q =
       Eigen::HouseholderQR<Eigen::MatrixXd>(Eigen::Map<const Eigen::MatrixXd>(entries.data(), n, n)).householderQ();
   const Eigen::VectorXd values =
-      Eigen::VectorXd::LinSpaced(n, 0, -5).unaryExpr([](double e) { return std::pow(10, e); });
+      Eigen::VectorXd::LinSpaced(n, 0, -decades).unaryExpr([](double e) { return std::pow(10, e); });
   const Eigen::MatrixXd full = q * values.asDiagonal() * q.transpose();
   std::vector<reference::Triple> lower;
   for (Index c = 0; c < n; ++c)
@@ -41,26 +41,58 @@ Narrow narrow_system(Index n, unsigned seed) {
   return s;
 }
 
-// A condensed row that cancels to some digits: its sign is that of the difference, with factors in either precision.
+// A condensed row that cancels to some digits: its sign is that of the difference, with factors in either precision,
+// whose columns alone would not tell.
 TEST(ChangedWork, SignsOfRowsThatCancelAreRight) {
-  for (const Precision precision : {Precision::fp64, Precision::fp32})
+  for (const bool single : {false, true})
     for (unsigned seed = 1; seed <= 12; ++seed)
-      for (const double difference : {1e-11, -1e-11}) {
-        const Narrow s = narrow_system(16, 2 * seed);
+      for (const int sign : {1, -1}) {
+        const Narrow s = narrow_system(16, single ? 3 : 6, 2 * seed);
         Options o = rough();
         o.kind = Kind::llt;
-        o.precision = precision;
+        o.precision = single ? Precision::fp32 : Precision::fp64;
         Solver solver(o);
         ASSERT_TRUE(solver.analyze(s.a).status.ok());
         ASSERT_TRUE(solver.factorize(s.a).status.ok());
         ChangedSystem changed(solver);
-        const double wide = precision == Precision::fp64 ? 1 : 1e5;  // one refinement of single precision
-        const std::vector<double> used{static_cast<double>(s.complement * (1 + wide * difference))};
-        ASSERT_TRUE(changed.add(s.g, 1, {}, used).ok());
+        const double difference = sign * (single ? 2e-6 : 3e-12);
+        const std::vector<double> corner{static_cast<double>(s.complement * (1 + difference))};
+        ASSERT_TRUE(changed.add(s.g, 1, {}, corner).ok());
         const Inertia inertia = changed.inertia();
-        EXPECT_EQ(inertia.positive, difference > 0 ? 17 : 16) << seed;
-        EXPECT_EQ(inertia.negative, difference > 0 ? 0 : 1) << seed;
+        EXPECT_EQ(inertia.positive, sign > 0 ? 17 : 16) << seed;
+        EXPECT_EQ(inertia.negative, sign > 0 ? 0 : 1) << seed;
       }
+}
+
+// Numbers beyond what can be said: singular, and gone with what has them.
+TEST(ChangedWork, ProductsThatOverflowAreSingular) {
+  const SparseMatrix a = reference::random_system(30, 3, reference::Values::positive, 1);
+  Solver solver = factorized(a, Kind::llt);
+  ChangedSystem changed(solver);
+  changed.set_folding(false);
+  Dense dense(a);
+  ASSERT_TRUE(changed.add(std::vector<double>(30, 1e200), 1).ok());
+  dense.grow(1);
+  std::vector<double> b(31, 1.0), x(31);
+  EXPECT_EQ(changed.solve(b, x).status.code, StatusCode::singular);
+  ASSERT_TRUE(changed.remove(std::vector<Index>{30}).ok());
+  expect_solves(changed, dense, {30}, true);
+}
+
+// Couplings of exactly 1 between added unknowns count like all others.
+TEST(ChangedWork, OnesBetweenAddedUnknownsCount) {
+  const SparseMatrix a = reference::random_system(30, 3, reference::Values::general, 1);
+  Solver solver = factorized(a, Kind::lu);
+  ChangedSystem changed(solver);
+  Dense dense(a);
+  const std::vector<double> u = reference::random_vector(60, 5), corner{2, 1, 1, 3};
+  ASSERT_TRUE(changed.add(u, 2, u, corner).ok());
+  dense.grow(2);
+  for (Index k = 0; k < 2; ++k) {
+    for (Index v = 0; v < 30; ++v) dense.entry(v, 30 + k) = dense.entry(30 + k, v) = u[at(30 * k + v)];
+    for (Index j = 0; j < 2; ++j) dense.entry(30 + j, 30 + k) = corner[at(2 * k + j)];
+  }
+  expect_solves(changed, dense, {}, false);
 }
 
 // Columns of what comes back are kept, of so many as went last; what is dropped is made again.
@@ -125,7 +157,7 @@ TEST(ChangedWork, RefinesWhileThatHalvesTheError) {
 
 /// A regular system beside two unknowns that depend on each other but for `apart`.
 SparseMatrix beside_a_pair(Index n, double diagonal, double coupling, double apart) {
-  const SparseMatrix a = reference::random_system(n, 8, reference::Values::positive, 3);
+  const SparseMatrix a = reference::random_system(n, 12, reference::Values::positive, 3);
   std::vector<reference::Triple> entries{{n, n, diagonal}, {n + 1, n, coupling}, {n + 1, n + 1, diagonal + apart}};
   for (Index c = 0; c < n; ++c)
     for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
@@ -140,7 +172,7 @@ TEST(ChangedWork, AFactorNearToSingularIsMadeAnew) {
   Solver solver = factorized(a, Kind::llt);
   Dense dense(a);
   std::vector<Index> gone;
-  for (Index v = 0; v < 60; ++v) gone.push_back(v);
+  for (Index v = 0; v < 40; ++v) gone.push_back(v);
   gone.insert(gone.end(), {1200, 1201});
   for (const bool folds : {true, false}) {
     ChangedSystem changed(solver);
