@@ -29,14 +29,21 @@ void raise(double& most, double value) {
 void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector<double>& c, std::vector<double>& rows,
             std::vector<double>& cols, base::ThreadPool& pool) {
   std::fill(rows.begin(), rows.end(), 0);
-  pool.for_each_range(a.cols, kGrain, [&](std::int64_t begin, std::int64_t end) {
+  const double *values = a.values.data(), *scale = r.data();
+  const Index* row = a.row_ind.data();
+  double* found = rows.data();
+  const bool alone = pool.size() == 1;  // then nobody else raises them, which takes half the time
+  pool.for_each_range(a.cols, kGrain, [&, values, scale, row, found](std::int64_t begin, std::int64_t end) {
     for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
       double most = 0;
-      for (Offset k = a.col_ptr[j]; k < a.col_ptr[j + 1]; ++k) {
-        const auto i = static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(k)]);
-        const double value = std::abs(a.values[static_cast<std::size_t>(k)]) * r[i] * c[j];
+      const double of_column = c[j];
+      for (Offset k = a.col_ptr[j], last = a.col_ptr[j + 1]; k < last; ++k) {
+        const double value = std::abs(values[k]) * scale[row[k]] * of_column;
         most = std::max(most, value);
-        raise(rows[i], value);
+        if (alone)
+          found[row[k]] = std::max(found[row[k]], value);
+        else
+          raise(found[row[k]], value);
       }
       cols[j] = most;
     }
