@@ -59,7 +59,7 @@ class ChangedRows {
     for (std::size_t f = 0; f < fronts; ++f)
       t.row_ptr[f + 1] =
           t.row_ptr[f] + (known_[f] != 0 ? static_cast<Offset>(rows_[f].size()) : old_.rows_below(was_[f]));
-    t.rows.resize(static_cast<std::size_t>(t.row_ptr.back()));
+    t.rows.resize(at(t.row_ptr.back()));
     pool_.for_each_range(t.fronts(), kFronts, [&](std::int64_t b, std::int64_t e) {
       for (auto f = static_cast<Index>(b); f < e; ++f) {
         if (known_[at(f)] == 0) keep_rows(f);
@@ -77,7 +77,7 @@ class ChangedRows {
     std::vector<Index> rows;
     rows.reserve(at(old_.rows_below(o)));
     for (Offset r = old_.row_ptr[at(o)]; r < old_.row_ptr[at(o) + 1]; ++r)
-      rows.push_back(position_[at(old_.order[at(old_.rows[static_cast<std::size_t>(r)])])]);
+      rows.push_back(position_[at(old_.order[at(old_.rows[at(r)])])]);
     return rows;
   }
 

@@ -38,7 +38,7 @@ template <class Use>
 void visit_neighbours(const PatternChange& change, const std::vector<Index>& column_of_row, Index v, Use&& use) {
   const MatrixView& a = change.a;
   for (Offset q = a.col_ptr[at(v)]; q < a.col_ptr[at(v) + 1]; ++q) {
-    const Index r = a.row_ind[static_cast<std::size_t>(q)];
+    const Index r = a.row_ind[at(q)];
     use(column_of_row.empty() ? r : column_of_row[at(r)]);
   }
   const auto& ptr = change.rows.ptr;

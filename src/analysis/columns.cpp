@@ -27,12 +27,12 @@ class Transposer {
   void count(std::vector<Offset>& ptr) {
     const auto chunks = static_cast<std::int64_t>(next_.size());
     pool_.for_each(chunks, [&](std::int64_t chunk) {
-      auto& mine = next_[static_cast<std::size_t>(chunk)];
+      auto& mine = next_[at(chunk)];
       mine.assign(at(n_), 0);
       each_entry(chunk, [&](Index, std::size_t i, Offset) { ++mine[i]; });
     });
     pool_.for_each_range(n_, 1 << 16, [&](std::int64_t begin, std::int64_t end) {
-      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) {
+      for (auto i = at(begin); i < at(end); ++i) {
         Offset sum = 0;
         for (auto& part : next_) sum += std::exchange(part[i], sum);
         ptr[i + 1] += sum;
@@ -44,7 +44,7 @@ class Transposer {
   template <class Write>
   void place(const std::vector<Offset>& ptr, const Write& write) {
     pool_.for_each(static_cast<std::int64_t>(next_.size()), [&](std::int64_t chunk) {
-      auto& mine = next_[static_cast<std::size_t>(chunk)];
+      auto& mine = next_[at(chunk)];
       for (std::size_t i = 0; i < mine.size(); ++i) mine[i] += ptr[i];
       each_entry(chunk, [&](Index j, std::size_t i, Offset k) { write(k, j, mine[i]++); });
     });
@@ -99,7 +99,7 @@ FullMatrix both_triangles(const MatrixView& a, base::ThreadPool& pool) {
   out.value.resize(at(out.ptr.back()));
   std::vector<Offset> behind(at(a.cols));  // the mirrored entries of a column stand behind the stored ones
   pool.for_each_range(a.cols, 2048, [&](std::int64_t begin, std::int64_t end) {
-    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
+    for (auto j = at(begin); j < at(end); ++j) {
       const auto first = a.col_ptr[j], size = a.col_ptr[j + 1] - first;
       std::copy_n(a.row_ind.begin() + first, size, out.row.begin() + out.ptr[j]);
       std::copy_n(a.values.begin() + first, size, out.value.begin() + out.ptr[j]);

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
@@ -19,8 +20,8 @@ struct Columns {
   base::LazyVector<Index> own_ind;
 
   [[nodiscard]] std::span<const Index> operator[](std::int64_t j) const {
-    const auto k = static_cast<std::size_t>(j);
-    return ind.subspan(static_cast<std::size_t>(ptr[k]), static_cast<std::size_t>(ptr[k + 1] - ptr[k]));
+    const auto k = at(j);
+    return ind.subspan(at(ptr[k]), at(ptr[k + 1] - ptr[k]));
   }
   void own() {
     ptr = own_ptr;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "analysis/ordering/graph.hpp"
+#include "base/at.hpp"
 #include "base/mix.hpp"
 
 namespace espalier::analysis {
@@ -23,23 +24,23 @@ struct Numbering {
 
 Numbering number_leaders(std::span<const Index> leader, base::ThreadPool& pool) {
   const auto n = static_cast<std::int64_t>(leader.size());
-  std::vector<Index> first(static_cast<std::size_t>((n + kCompressRange - 1) / kCompressRange) + 1,
+  std::vector<Index> first(at((n + kCompressRange - 1) / kCompressRange) + 1,
                            0);  // before each range
-  const auto leads = [&](std::int64_t v) { return leader[static_cast<std::size_t>(v)] == static_cast<Index>(v); };
+  const auto leads = [&](std::int64_t v) { return leader[at(v)] == static_cast<Index>(v); };
   pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     Index count = 0;
     for (std::int64_t v = begin; v < end; ++v) count += leads(v) ? 1 : 0;
-    first[static_cast<std::size_t>(begin / kCompressRange) + 1] = count;
+    first[at(begin / kCompressRange) + 1] = count;
   });
   std::partial_sum(first.begin(), first.end(), first.begin());
   Numbering out;
   out.number.resize(leader.size());
-  out.leaders.resize(static_cast<std::size_t>(first.back()));
+  out.leaders.resize(at(first.back()));
   pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
-    Index next = first[static_cast<std::size_t>(begin / kCompressRange)];
+    Index next = first[at(begin / kCompressRange)];
     for (std::int64_t v = begin; v < end; ++v) {
-      out.number[static_cast<std::size_t>(v)] = leads(v) ? next : -1;
-      if (leads(v)) out.leaders[static_cast<std::size_t>(next++)] = static_cast<Index>(v);
+      out.number[at(v)] = leads(v) ? next : -1;
+      if (leads(v)) out.leaders[at(next++)] = static_cast<Index>(v);
     }
   });
   return out;
@@ -53,7 +54,7 @@ void list_members(std::span<const Index> leader, const Numbering& numbering, bas
   out.weight.assign(vertices, 0);
   out.member_ptr.assign(vertices + 1, 0);
   const auto group = [&](std::int64_t v) {
-    return static_cast<std::size_t>(numbering.number[static_cast<std::size_t>(leader[static_cast<std::size_t>(v)])]);
+    return static_cast<std::size_t>(numbering.number[static_cast<std::size_t>(leader[at(v)])]);
   };
   const auto take = [](Index& counter) {
     return std::atomic_ref<Index>(counter).fetch_add(1, std::memory_order_relaxed);
@@ -65,11 +66,10 @@ void list_members(std::span<const Index> leader, const Numbering& numbering, bas
   out.members.resize(leader.size());
   std::vector<Index> next(out.member_ptr.begin(), out.member_ptr.end() - 1);
   pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
-    for (std::int64_t v = begin; v < end; ++v)
-      out.members[static_cast<std::size_t>(take(next[group(v)]))] = static_cast<Index>(v);
+    for (std::int64_t v = begin; v < end; ++v) out.members[at(take(next[group(v)]))] = static_cast<Index>(v);
   });
   pool.for_each_range(static_cast<std::int64_t>(vertices), kCompressRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+    for (auto k = at(begin); k < at(end); ++k)
       std::sort(out.members.begin() + out.member_ptr[k], out.members.begin() + out.member_ptr[k + 1]);
   });
 }
@@ -77,20 +77,20 @@ void list_members(std::span<const Index> leader, const Numbering& numbering, bas
 /// Writes the graph whose vertex k has the neighbours list(k, buffer), sorted and unique.
 template <class List>
 Graph build_graph(Index n, base::ThreadPool& pool, const List& list) {
-  Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
+  Graph g{n, std::vector<Offset>(at(n) + 1, 0), {}};
   pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     std::vector<Index> buffer;
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       buffer.clear();
       list(k, buffer);
       g.ptr[k + 1] = static_cast<Offset>(buffer.size());
     }
   });
   std::partial_sum(g.ptr.begin(), g.ptr.end(), g.ptr.begin());
-  g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
+  g.adj.resize(at(g.ptr.back()));
   pool.for_each_range(n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     std::vector<Index> buffer;
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       buffer.clear();
       list(k, buffer);
       std::copy(buffer.begin(), buffer.end(), g.adj.begin() + g.ptr[k]);
@@ -114,13 +114,13 @@ bool same_closed_neighbourhood(const Graph& g, Index u, Index v) {  // for neigh
 /// leader[v]: the lowest vertex with the closed neighbourhood of v (they are neighbours of each other, so only
 /// neighbours are looked at; hashes first, as in Ashcraft 1995).
 std::vector<Index> find_leaders(const Graph& g, base::ThreadPool& pool) {
-  const auto n = static_cast<std::size_t>(g.n);
+  const auto n = at(g.n);
   std::vector<std::uint64_t> hash(n);
   pool.for_each_range(g.n, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t v = begin; v < end; ++v) {
       std::uint64_t sum = hash_of(static_cast<Index>(v));
       for (const Index u : g.neighbours(static_cast<Index>(v))) sum += hash_of(u);
-      hash[static_cast<std::size_t>(v)] = sum;
+      hash[at(v)] = sum;
     }
   });
   std::vector<Index> leader(n);
@@ -129,12 +129,12 @@ std::vector<Index> find_leaders(const Graph& g, base::ThreadPool& pool) {
       Index found = v;
       for (const Index u : g.neighbours(v)) {
         if (u > v) break;
-        if (hash[static_cast<std::size_t>(u)] != hash[static_cast<std::size_t>(v)]) continue;
+        if (hash[at(u)] != hash[at(v)]) continue;
         if (!same_closed_neighbourhood(g, u, v)) continue;
         found = u;
         break;
       }
-      leader[static_cast<std::size_t>(v)] = found;
+      leader[at(v)] = found;
     }
   });
   return leader;
@@ -146,10 +146,10 @@ void expand_members(CompressedGraph& outer, const CompressedGraph& inner, base::
   const std::vector<Index> groups = std::move(outer.members);
   const std::vector<Index> first = std::move(outer.member_ptr);
   const auto each_group = [&](std::size_t v, const auto& use) {
-    for (Index k = first[v]; k < first[v + 1]; ++k) use(static_cast<std::size_t>(groups[static_cast<std::size_t>(k)]));
+    for (Index k = first[v]; k < first[v + 1]; ++k) use(static_cast<std::size_t>(groups[at(k)]));
   };
   pool.for_each_range(vertices, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
+    for (auto v = at(begin); v < at(end); ++v) {
       outer.weight[v] = 0;
       each_group(v, [&](std::size_t w) { outer.weight[v] += inner.weight[w]; });
     }
@@ -158,7 +158,7 @@ void expand_members(CompressedGraph& outer, const CompressedGraph& inner, base::
   std::partial_sum(outer.weight.begin(), outer.weight.end(), outer.member_ptr.begin() + 1);
   outer.members.resize(inner.members.size());
   pool.for_each_range(vertices, kCompressRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto v = static_cast<std::size_t>(begin); v < static_cast<std::size_t>(end); ++v) {
+    for (auto v = at(begin); v < at(end); ++v) {
       auto to = outer.members.begin() + outer.member_ptr[v];
       each_group(v, [&](std::size_t w) {
         to = std::copy_n(inner.members.begin() + inner.member_ptr[w], inner.weight[w], to);
@@ -174,8 +174,7 @@ CompressedGraph merge_twins(const Graph& g, base::ThreadPool& pool) {
   // A neighbour of v stands for its group only if it leads it; the leader of every neighbour is a neighbour too.
   out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
     for (const Index u : g.neighbours(numbering.leaders[k]))
-      if (numbering.number[static_cast<std::size_t>(u)] >= 0)
-        buffer.push_back(numbering.number[static_cast<std::size_t>(u)]);
+      if (numbering.number[at(u)] >= 0) buffer.push_back(numbering.number[at(u)]);
   });
   list_members(leader, numbering, pool, out);
   return out;
@@ -188,9 +187,7 @@ bool has_pairs(std::span<const Index> pair) {
 }
 
 CompressedGraph singletons(const Graph& g) {
-  CompressedGraph out{g, std::vector<Index>(static_cast<std::size_t>(g.n), 1),
-                      std::vector<Index>(static_cast<std::size_t>(g.n) + 1),
-                      std::vector<Index>(static_cast<std::size_t>(g.n))};
+  CompressedGraph out{g, std::vector<Index>(at(g.n), 1), std::vector<Index>(at(g.n) + 1), std::vector<Index>(at(g.n))};
   std::iota(out.member_ptr.begin(), out.member_ptr.end(), 0);
   std::iota(out.members.begin(), out.members.end(), 0);
   return out;
@@ -208,13 +205,13 @@ CompressedGraph compress_pairs(const Graph& graph, std::span<const Index> pair, 
   out.graph = build_graph(static_cast<Index>(numbering.leaders.size()), pool, [&](std::size_t k, auto& buffer) {
     const auto append = [&](Index v) {
       for (const Index u : graph.neighbours(v)) {
-        const Index w = numbering.number[static_cast<std::size_t>(leader[static_cast<std::size_t>(u)])];
+        const Index w = numbering.number[static_cast<std::size_t>(leader[at(u)])];
         if (w != static_cast<Index>(k)) buffer.push_back(w);
       }
     };
     const Index v = numbering.leaders[k];
     append(v);
-    if (pair[static_cast<std::size_t>(v)] != v) append(pair[static_cast<std::size_t>(v)]);
+    if (pair[at(v)] != v) append(pair[at(v)]);
     if (!std::is_sorted(buffer.begin(), buffer.end())) std::sort(buffer.begin(), buffer.end());
     buffer.erase(std::unique(buffer.begin(), buffer.end()), buffer.end());
   });

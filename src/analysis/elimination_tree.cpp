@@ -210,7 +210,7 @@ Graph permute(const Graph& graph, std::span<const Index> order, base::ThreadPool
   for (std::size_t k = 0; k < order.size(); ++k)
     out.ptr[k + 1] = out.ptr[k] + static_cast<Offset>(graph.neighbours(order[k]).size());
   pool.for_each_range(graph.n, kTreeRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       Index* to = out.adj.data() + out.ptr[k];
       for (const Index u : graph.neighbours(order[k])) *to++ = position[at(u)];
     }

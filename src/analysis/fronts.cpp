@@ -252,7 +252,7 @@ std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::sp
       *end++ = p;
     };
     for (Index c = children.head[at(f)]; c >= 0; c = children.next[at(c)])
-      for (const Index p : rows.subspan(static_cast<std::size_t>(row_ptr[at(c)]), at(count[at(c)]))) add(p);
+      for (const Index p : rows.subspan(at(row_ptr[at(c)]), at(count[at(c)]))) add(p);
     for (Index k = tree.first[at(f)]; k <= last; ++k)
       for (const Index u : graph.neighbours(tree.order[at(k)])) add(position[at(u)]);
     std::sort(begin, end);
@@ -263,13 +263,12 @@ std::vector<Index> front_rows(const Graph& graph, const FrontTree& tree, std::sp
     std::atomic<std::int64_t> next{0};
     const auto size = static_cast<std::int64_t>(tier.size());
     const auto work = [&](int worker) {
-      auto& mark = marks[static_cast<std::size_t>(worker)];
+      auto& mark = marks[at(worker)];
       if (mark.empty()) mark.assign(tree.order.size(), -1);
       for (;;) {
         const std::int64_t begin = next.fetch_add(kFronts);
         if (begin >= size) return;
-        for (std::int64_t k = begin; k < std::min(size, begin + kFronts); ++k)
-          make(tier[static_cast<std::size_t>(k)], mark);
+        for (std::int64_t k = begin; k < std::min(size, begin + kFronts); ++k) make(tier[at(k)], mark);
       }
     };
     if (size <= kFronts)

@@ -171,7 +171,7 @@ bool is_wide(std::span<const double> values, base::ThreadPool& pool) {
   std::atomic<bool> wide{false};
   pool.for_each_range(static_cast<std::int64_t>(values.size()), kRange, [&](std::int64_t begin, std::int64_t end) {
     bool any = false;
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       const double v = std::abs(values[k]);
       any = any || v > kMost || (v < kLeast && v != 0);
     }

@@ -216,7 +216,7 @@ void ProductMatcher::search(Index root) {
 /// or of none. Scaling the rows of a set by t <= 1 and its columns by 1/t repairs that and keeps its tight entries; the
 /// sets are taken last first, so that every column that matters for a set has its final factor.
 void ProductMatcher::repair_deficient() {
-  std::vector<std::vector<Index>> columns(static_cast<std::size_t>(deficient_sets_) + 1);
+  std::vector<std::vector<Index>> columns(at(deficient_sets_) + 1);
   std::vector<std::vector<Index>> rows(columns.size());
   for (Index j = 0; j < a_.n; ++j) {
     columns[at(deficient_col_[at(j)])].push_back(j);

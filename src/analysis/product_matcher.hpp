@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
@@ -26,7 +27,7 @@ struct EntryView {
 
   /// |value[k]|, or its root; 0: no entry.
   [[nodiscard]] double magnitude(Offset k) const {
-    const double v = std::abs(value[static_cast<std::size_t>(k)]);
+    const double v = std::abs(value[at(k)]);
     if (!(v > 0) || !std::isfinite(v)) return 0;
     return roots ? std::sqrt(std::sqrt(v)) : v;
   }

@@ -84,7 +84,7 @@ std::vector<Index> relocate_pivots(AssemblyTree& tree, std::span<const PivotMove
   }
   out.rows.resize(at(out.row_ptr.back()));
   const auto write_rows = [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       const Index f = kept_fronts[k];
       const auto first = out.rows.begin() + out.row_ptr[k];
       auto next = first;

@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "analysis/matching.hpp"
+#include "base/at.hpp"
 
 namespace espalier::analysis {
 
@@ -34,7 +35,7 @@ void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector
   double* found = rows.data();
   const bool alone = pool.size() == 1;  // then nobody else raises them, which takes half the time
   pool.for_each_range(a.cols, kGrain, [&, values, scale, row, found](std::int64_t begin, std::int64_t end) {
-    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j) {
+    for (auto j = at(begin); j < at(end); ++j) {
       double most = 0;
       const double of_column = c[j];
       for (Offset k = a.col_ptr[j], last = a.col_ptr[j + 1]; k < last; ++k) {
@@ -56,7 +57,7 @@ void maxima(const MatrixView& a, const std::vector<double>& r, const std::vector
 template <class Change>
 void change_all(std::vector<double>& scale, base::ThreadPool& pool, const Change& change) {
   pool.for_each_range(static_cast<std::int64_t>(scale.size()), kGrain, [&](std::int64_t begin, std::int64_t end) {
-    for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i) scale[i] = change(i);
+    for (auto i = at(begin); i < at(end); ++i) scale[i] = change(i);
   });
 }
 
@@ -77,8 +78,7 @@ void round_to_powers_of_two(std::vector<double>& scale, base::ThreadPool& pool) 
 }  // namespace
 
 Scaling equilibrate(const MatrixView& a, base::ThreadPool& pool) {
-  Scaling out{std::vector<double>(static_cast<std::size_t>(a.rows), 1),
-              std::vector<double>(static_cast<std::size_t>(a.cols), 1)};
+  Scaling out{std::vector<double>(at(a.rows), 1), std::vector<double>(at(a.cols), 1)};
   std::vector<double> rows(out.row.size()), cols(out.col.size());
   for (int sweep = 0; sweep < kSweeps || (sweep < kMostSweeps && (any_far(rows) || any_far(cols))); ++sweep) {
     maxima(a, out.row, out.col, rows, cols, pool);

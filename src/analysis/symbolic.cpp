@@ -24,7 +24,7 @@ AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> or
   for (std::size_t k = 0; k < order.size(); ++k)
     begin[k + 1] = begin[k] + compressed.weight[at(order[at(tree.order[k])])];
   pool.for_each_range(graph.n, kSymbolicRange, [&](std::int64_t from, std::int64_t to) {
-    for (auto k = static_cast<std::size_t>(from); k < static_cast<std::size_t>(to); ++k) {
+    for (auto k = at(from); k < at(to); ++k) {
       const std::size_t v = at(order[at(tree.order[k])]);
       std::copy_n(compressed.members.begin() + compressed.member_ptr[v], compressed.weight[v],
                   out.order.begin() + begin[k]);
@@ -35,10 +35,10 @@ AssemblyTree expand(const CompressedGraph& compressed, std::span<const Index> or
   out.row_ptr.assign(fronts + 1, 0);
   for (std::size_t f = 0; f <= fronts; ++f) out.first[f] = begin[at(tree.first[f])];
   for (std::size_t f = 0; f < fronts; ++f) out.row_ptr[f + 1] = out.row_ptr[f] + tree.below[f];
-  out.rows.resize(static_cast<std::size_t>(out.row_ptr.back()));
+  out.rows.resize(at(out.row_ptr.back()));
   const std::vector<Index> vertices = front_rows(graph, tree, out.row_ptr, out.rows, pool);
   pool.for_each_range(tree.fronts(), 256, [&](std::int64_t from, std::int64_t to) {
-    for (auto f = static_cast<std::size_t>(from); f < static_cast<std::size_t>(to); ++f) {
+    for (auto f = at(from); f < at(to); ++f) {
       Index* const rows = out.rows.data() + out.row_ptr[f];
       Index* end = rows + tree.below[f];
       for (Index k = vertices[f]; k-- > 0;) {  // in place, last first: a vertex has at least one unknown
@@ -61,8 +61,7 @@ std::vector<Index> gather(std::span<const Index> values, std::span<const Index> 
   std::vector<Index> out(order.size());
   pool.for_each_range(static_cast<std::int64_t>(order.size()), kSymbolicRange,
                       [&](std::int64_t begin, std::int64_t end) {
-                        for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-                          out[k] = values[at(order[k])];
+                        for (auto k = at(begin); k < at(end); ++k) out[k] = values[at(order[k])];
                       });
   return out;
 }

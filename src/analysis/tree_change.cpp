@@ -63,7 +63,7 @@ class TreeChange {
   template <class Use>
   void each_column(Use&& use) {
     pool_.for_each_range(old_.n, kColumns, [&](std::int64_t b, std::int64_t e) {
-      for (auto c = static_cast<std::size_t>(b); c < static_cast<std::size_t>(e); ++c) use(c);
+      for (auto c = at(b); c < at(e); ++c) use(c);
     });
   }
 

@@ -10,6 +10,8 @@
 #include <type_traits>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::base {
 
 /// Counts the bytes of all buffers that were taken from it and refuses to pass its limit. Thread-safe.
@@ -84,7 +86,7 @@ class Buffer {
   const T& operator[](std::int64_t i) const { return data_[i]; }
   T* begin() { return data_; }
   T* end() { return data_ + size_; }
-  [[nodiscard]] std::span<T> span() { return {data_, static_cast<std::size_t>(size_)}; }
+  [[nodiscard]] std::span<T> span() { return {data_, at(size_)}; }
 
  private:
   T* data_ = nullptr;

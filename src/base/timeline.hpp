@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::base {
 
 /// Seconds since an arbitrary fixed point.
@@ -33,9 +35,7 @@ class Timeline {
  public:
   /// The number of the track of that device and name, which is added when there is none. Not thread-safe.
   int add_track(std::string device, std::string name);
-  void record(int track, const TimelineEvent& event) {
-    tracks_[static_cast<std::size_t>(track)].events.push_back(event);
-  }
+  void record(int track, const TimelineEvent& event) { tracks_[at(track)].events.push_back(event); }
   /// Forgets the events, keeps the tracks.
   void clear();
   /// Writes the Chrome trace-event JSON format. @throws Error(invalid_input) when the file cannot be written

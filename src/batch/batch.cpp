@@ -30,7 +30,7 @@ using solver::Session;
 std::unique_ptr<Session> make_worker(const Options& options, const solver::SharedAnalysis& analysis) {
   auto session = std::make_unique<Session>(options);
   solver::Values values;
-  values.resize(static_cast<std::size_t>(analysis->system->prepared.a.nonzeros()));
+  values.resize(at(analysis->system->prepared.a.nonzeros()));
   session->factor.emplace(analysis, std::move(values), session->context);
   return session;
 }
@@ -49,7 +49,7 @@ struct Batch::Impl {
   // A factor that has gone its own way (moved pivots, another kind or precision, verdicts that it remembers) would
   // treat the next system otherwise than a fresh one does.
   Session& worker(int k) {
-    std::unique_ptr<Session>& s = sessions[static_cast<std::size_t>(k)];
+    std::unique_ptr<Session>& s = sessions[at(k)];
     if (s == nullptr || !s->factor->like_new())
       s = make_worker(options_of_worker(session.options, threads_each, static_cast<int>(sessions.size())), analysis);
     return *s;
@@ -59,7 +59,7 @@ struct Batch::Impl {
     const int threads = std::max(1, session.pool.size() / workers);
     if (static_cast<int>(sessions.size()) == workers && threads == threads_each) return;
     sessions.clear();
-    sessions.resize(static_cast<std::size_t>(workers));
+    sessions.resize(at(workers));
     threads_each = threads;
   }
 
@@ -93,7 +93,7 @@ BatchResult Batch::solve(std::span<const double> values, std::span<const double>
                          Index columns, Transpose transpose) {
   Impl& m = *impl_;
   if (m.analysis == nullptr) throw std::logic_error("Batch::solve: call analyze() first");
-  const std::size_t nonzeros = static_cast<std::size_t>(m.analysis->system->prepared.caller_nonzeros);
+  const std::size_t nonzeros = at(m.analysis->system->prepared.caller_nonzeros);
   if (count < 0 || columns < 1)
     throw std::invalid_argument(fmt::format("Batch::solve: {} systems with {} right-hand sides", count, columns));
   const std::size_t size = at(m.analysis->n()) * at(columns), all = size * at(count);

@@ -93,11 +93,11 @@ std::string Chunks::solve_in_lanes(const ChunkJob& all, std::span<SystemResult> 
   share(session_.pool, static_cast<int>(teams_.size()), (systems + size - 1) / size, [&](int team, Index k) {
     if (!useful) return;
     const Index first = k * size, count = std::min(size, systems - first);
-    std::string& mine = why[static_cast<std::size_t>(team)];
+    std::string& mine = why[at(team)];
     try {
-      mine = solve_part(*teams_[static_cast<std::size_t>(team)]->chunk,
-                        {all.systems.subspan(at(first), at(count)), all.columns, all.transpose},
-                        results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
+      mine =
+          solve_part(*teams_[at(team)]->chunk, {all.systems.subspan(at(first), at(count)), all.columns, all.transpose},
+                     results.subspan(at(first), at(count)), left.subspan(at(first), at(count)));
     } catch (const Error& e) {
       mine = e.what();
       broken = true;

@@ -39,8 +39,7 @@ std::vector<std::vector<Index>> equal_patterns(std::span<const System> systems, 
   std::vector<std::optional<std::uint64_t>> hashes(systems.size());
   pool.for_each_range(std::ssize(systems), 16, [&](std::int64_t begin, std::int64_t end) {
     base::ThreadPool alone(1);
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      hashes[k] = hash_of(systems[k].a, kind, alone);
+    for (auto k = at(begin); k < at(end); ++k) hashes[k] = hash_of(systems[k].a, kind, alone);
   });
   std::map<std::tuple<std::uint64_t, Index, bool>, std::vector<Index>> lists;
   for (std::size_t k = 0; k < systems.size(); ++k)

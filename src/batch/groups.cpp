@@ -51,7 +51,7 @@ struct Groups::Team {
   template <class One>
   void share(std::size_t count, One&& one) {
     batch::share(session.pool, static_cast<int>(workers.size()), static_cast<Index>(count),
-                 [&](int worker, Index k) { one(*workers[static_cast<std::size_t>(worker)], at(k)); });
+                 [&](int worker, Index k) { one(*workers[at(worker)], at(k)); });
   }
 
   Session session;
@@ -132,9 +132,8 @@ void Groups::solve_in_lanes(std::span<const System> systems, const std::vector<N
   std::vector<std::unique_ptr<Team>> teams;
   for (int l = 0; l < teams_; ++l)
     teams.push_back(std::make_unique<Team>(session_, std::max(1, session_.pool.size() / teams_), teams_));
-  share(session_.pool, teams_, static_cast<Index>(groups.size()), [&](int team, Index g) {
-    solve_group(*teams[static_cast<std::size_t>(team)], systems, groups[at(g)], results);
-  });
+  share(session_.pool, teams_, static_cast<Index>(groups.size()),
+        [&](int team, Index g) { solve_group(*teams[at(team)], systems, groups[at(g)], results); });
   for (const auto& team : teams) seconds_ += team->seconds;
 }
 
@@ -172,7 +171,7 @@ std::vector<Groups::Numbers> Groups::cut(std::span<const System> systems, const 
   std::vector<Kind> kinds(numbers.size());
   session_.pool.for_each_range(std::ssize(numbers), 16, [&](std::int64_t begin, std::int64_t end) {
     base::ThreadPool alone(1);
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
+    for (auto k = at(begin); k < at(end); ++k)
       kinds[k] = kind_of(systems[at(numbers[k])].a, session_.options.kind, alone);
   });
   std::map<std::tuple<Kind, Storage, Index, bool>, Numbers> alike;

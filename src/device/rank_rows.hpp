@@ -16,14 +16,14 @@ namespace espalier::device {
 class RankRows {
  public:
   /// @param plan  outlives this object
-  RankRows(const plan::Plan& plan, int ranks) : plan_(plan), pieces_(static_cast<std::size_t>(ranks)) {}
+  RankRows(const plan::Plan& plan, int ranks) : plan_(plan), pieces_(at(ranks)) {}
 
   /// @param rank_of  the rank that speaks for a front
   template <class RankOf>
   void own(RankOf&& rank_of) {
     for (auto& list : pieces_) list.clear();
     for (Index f = 0; f < plan_.fronts(); ++f) {
-      auto& list = pieces_[static_cast<std::size_t>(rank_of(f))];
+      auto& list = pieces_[at(rank_of(f))];
       const Index begin = plan_.tree.first[f], end = plan_.tree.first[f + 1];
       if (!list.empty() && list.back().second == begin)
         list.back().second = end;
@@ -36,19 +36,19 @@ class RankRows {
   template <class T>
   void share(ranks::Communicator& link, T* x, Index columns) const {
     const auto place = [&](const std::pair<Index, Index>& p) {
-      return std::pair(x + Offset{p.first} * columns, static_cast<std::size_t>(Offset{p.second - p.first} * columns));
+      return std::pair(x + Offset{p.first} * columns, at(Offset{p.second - p.first} * columns));
     };
     std::vector<T> mine;
-    for (const auto& p : pieces_[static_cast<std::size_t>(link.rank())]) {
+    for (const auto& p : pieces_[at(link.rank())]) {
       const auto [from, count] = place(p);
       mine.insert(mine.end(), from, from + count);
     }
     const auto all = link.all_gather(std::as_bytes(std::span<const T>(mine)));
     for (int r = 0; r < link.size(); ++r) {
       if (r == link.rank()) continue;
-      const auto& bytes = all[static_cast<std::size_t>(r)];
+      const auto& bytes = all[at(r)];
       ranks::Reader reader(bytes.data(), bytes.size());
-      for (const auto& p : pieces_[static_cast<std::size_t>(r)]) {
+      for (const auto& p : pieces_[at(r)]) {
         const auto [to, count] = place(p);
         reader.get(to, count);
       }

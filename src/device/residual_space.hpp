@@ -8,6 +8,7 @@
 #include <memory>
 #include <span>
 
+#include "base/at.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::device {
@@ -57,13 +58,12 @@ class ResidualSpace {
   [[nodiscard]] virtual Vectors vectors(Index slot, Index columns) const = 0;
   /// Memory of the caller's own for so many vectors, which the space must outlive. @throws Error(out_of_memory)
   [[nodiscard]] virtual std::shared_ptr<double[]> memory(Index columns) const {
-    return std::make_shared_for_overwrite<double[]>(static_cast<std::size_t>(size()) *
-                                                    static_cast<std::size_t>(columns));
+    return std::make_shared_for_overwrite<double[]>(at(size()) * at(columns));
   }
   /// y[places[k]] = values[k], once the first `cleared` vectors of y have been set to zero. May be under way on return;
   /// the lists are of the host, and not read any more.
   virtual void scatter(std::span<const Offset> places, std::span<const double> values, double* y, Index cleared) const {
-    std::fill_n(y, static_cast<std::size_t>(size()) * static_cast<std::size_t>(cleared), 0.0);
+    std::fill_n(y, at(size()) * at(cleared), 0.0);
     for (std::size_t k = 0; k < places.size(); ++k) y[places[k]] = values[k];
   }
   /// to[k] = y[places[k]], to memory of the host. Waits.

@@ -117,7 +117,7 @@ struct Dae::Impl {
   }
 
   void begin(double t, std::span<const double> q, std::span<const double> v) {
-    const auto n = static_cast<std::size_t>(system.sizes().velocity);
+    const auto n = at(system.sizes().velocity);
     if (q.size() != n || v.size() != n)
       throw std::invalid_argument(
           fmt::format("start: {} coordinates need as many q and v, got {} and {}", n, q.size(), v.size()));

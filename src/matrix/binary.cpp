@@ -86,12 +86,12 @@ SparseMatrix parse_binary(std::string_view bytes, const std::string& name) {
   if (header.data_checksum != base::checksum(bytes.data() + kData, bytes.size() - kData))
     fail(source, "the checksum of the binary matrix is wrong: the file is damaged; write or fetch it again");
   const char* p = bytes.data() + sizeof header;
-  const auto entries = static_cast<std::size_t>(header.entries);
+  const auto entries = at(header.entries);
   SparseMatrix a;
   a.rows = header.rows;
   a.cols = header.cols;
   a.storage = static_cast<Storage>(header.storage);
-  a.col_ptr = take<Offset>(p, static_cast<std::size_t>(header.cols) + 1);
+  a.col_ptr = take<Offset>(p, at(header.cols) + 1);
   a.values = take<double>(p, header.has_values != 0 ? entries : 0);
   a.row_ind = take<Index>(p, entries);
   try {

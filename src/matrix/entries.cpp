@@ -15,7 +15,7 @@ namespace {
 constexpr Index kNone = -1;
 
 TripletView view_of(const RawEntries& raw, Storage storage) {
-  const auto n = static_cast<std::size_t>(raw.count);
+  const auto n = at(raw.count);
   const bool pattern = raw.value.size() == 0;
   return {raw.rows, raw.cols, {raw.row.data(), n}, {raw.col.data(), n}, {raw.value.data(), pattern ? 0 : n}, storage};
 }
@@ -64,16 +64,16 @@ SparseMatrix merge_triangles(const RawEntries& raw, const ReadOptions& options, 
   const bool pattern = raw.value.size() == 0;
   SparseMatrix merged{raw.rows, raw.cols, {0}, {}, {}, Storage::symmetric_lower};
   const auto take = [&](const SparseMatrix& from, Offset p) {
-    merged.row_ind.push_back(from.row_ind[static_cast<std::size_t>(p)]);
-    if (!pattern) merged.values.push_back(from.values[static_cast<std::size_t>(p)]);
+    merged.row_ind.push_back(from.row_ind[at(p)]);
+    if (!pattern) merged.values.push_back(from.values[at(p)]);
   };
-  for (std::size_t j = 0; j < static_cast<std::size_t>(raw.cols); ++j) {
+  for (std::size_t j = 0; j < at(raw.cols); ++j) {
     Offset p = lower.col_ptr[j], q = upper.col_ptr[j];
     while (p < lower.col_ptr[j + 1] || q < upper.col_ptr[j + 1]) {
-      const Index in_lower = p < lower.col_ptr[j + 1] ? lower.row_ind[static_cast<std::size_t>(p)] : kNone;
-      const Index in_upper = q < upper.col_ptr[j + 1] ? upper.row_ind[static_cast<std::size_t>(q)] : kNone;
+      const Index in_lower = p < lower.col_ptr[j + 1] ? lower.row_ind[at(p)] : kNone;
+      const Index in_upper = q < upper.col_ptr[j + 1] ? upper.row_ind[at(q)] : kNone;
       if (in_lower == in_upper && !pattern) {
-        const double a = lower.values[static_cast<std::size_t>(p)], b = upper.values[static_cast<std::size_t>(q)];
+        const double a = lower.values[at(p)], b = upper.values[at(q)];
         if (a != b) fail_both(raw, source, {in_lower, static_cast<Index>(j), a, b}, locate);
       }
       const bool from_lower = in_upper == kNone || (in_lower != kNone && in_lower <= in_upper);
@@ -96,18 +96,18 @@ SparseMatrix merge_triangles(const RawEntries& raw, const ReadOptions& options, 
 SparseMatrix expand_skew(SparseMatrix lower) {
   Offset to = 0;
   Offset begin = 0;
-  for (std::size_t j = 0; j < static_cast<std::size_t>(lower.cols); ++j) {
+  for (std::size_t j = 0; j < at(lower.cols); ++j) {
     const Offset end = lower.col_ptr[j + 1];
     for (Offset p = begin; p < end; ++p) {
-      if (lower.row_ind[static_cast<std::size_t>(p)] == static_cast<Index>(j)) continue;
-      lower.row_ind[static_cast<std::size_t>(to)] = lower.row_ind[static_cast<std::size_t>(p)];
-      lower.values[static_cast<std::size_t>(to++)] = lower.values[static_cast<std::size_t>(p)];
+      if (lower.row_ind[at(p)] == static_cast<Index>(j)) continue;
+      lower.row_ind[at(to)] = lower.row_ind[at(p)];
+      lower.values[at(to++)] = lower.values[at(p)];
     }
     begin = end;
     lower.col_ptr[j + 1] = to;
   }
-  lower.row_ind.resize(static_cast<std::size_t>(to));
-  lower.values.resize(static_cast<std::size_t>(to));
+  lower.row_ind.resize(at(to));
+  lower.values.resize(at(to));
   return expand_lower(lower, -1.0);
 }
 

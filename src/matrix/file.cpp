@@ -60,7 +60,7 @@ FileBytes::FileBytes(const std::string& path, std::string_view begin, Offset lim
   if (::fstat(file.fd, &info) != 0) cannot_read(path, std::strerror(errno));
   if (S_ISDIR(info.st_mode)) cannot_read(path, "it is a directory");
   if (S_ISREG(info.st_mode) && info.st_size > 0) {
-    const auto size = static_cast<std::size_t>(info.st_size);
+    const auto size = at(info.st_size);
     void* p = ::mmap(nullptr, size, PROT_READ, MAP_PRIVATE, file.fd, 0);
     if (p != MAP_FAILED) {
       (void)::madvise(p, size, MADV_WILLNEED);
@@ -106,7 +106,7 @@ bool is_gzip(std::string_view bytes) { return bytes.size() >= 2 && bytes[0] == '
 Offset machine_memory() { return static_cast<Offset>(::sysconf(_SC_PHYS_PAGES)) * ::sysconf(_SC_PAGE_SIZE); }
 
 std::string gunzip(std::string_view bytes, const std::string& name) {
-  const auto limit = static_cast<std::size_t>(machine_memory() / 2);
+  const auto limit = at(machine_memory() / 2);
   Inflater inflater;
   z_stream& stream = inflater.stream;
   std::string_view rest = bytes;

@@ -17,7 +17,7 @@ namespace {
 RawEntries sparse_entries(const std::vector<double>& numbers, const MatrixMarketHeader& header) {
   const std::size_t parts = header.complex ? 2 : 1;
   const auto is_zero = [&](Offset k) {
-    const double* value = &numbers[parts * static_cast<std::size_t>(k)];
+    const double* value = &numbers[parts * at(k)];
     return value[0] == 0 && value[parts - 1] == 0;
   };
   Offset count = 0;
@@ -34,7 +34,7 @@ RawEntries sparse_entries(const std::vector<double>& numbers, const MatrixMarket
   Offset to = 0;
   for_each_packed(header, [&](Index i, Index j, Offset k) {
     if (is_zero(k)) return;
-    const double* value = &numbers[parts * static_cast<std::size_t>(k)];
+    const double* value = &numbers[parts * at(k)];
     raw.row[to] = i;
     raw.col[to] = j;
     raw.value[to] = value[0];
@@ -53,7 +53,7 @@ DenseVectors zero_vectors(const Source& source, Index rows, Index cols, Offset e
   if (count > kFree && count / 64 > entries)
     fail(source, fmt::format("{} x {} as dense vectors would take {} for {} entries; is this a right-hand side?", rows,
                              cols, base::format_bytes(8 * std::min(count, Offset{1} << 59)), entries));
-  return {rows, cols, std::vector<double>(static_cast<std::size_t>(count), 0.0)};
+  return {rows, cols, std::vector<double>(at(count), 0.0)};
 }
 
 SparseMatrix parse_coordinate(const Source& source, const MatrixMarketHeader& header, const ReadOptions& options) {
@@ -65,7 +65,7 @@ SparseMatrix parse_coordinate(const Source& source, const MatrixMarketHeader& he
 void check_array_diagonal(const Source& source, const MatrixMarketHeader& header, const std::vector<double>& numbers) {
   if (header.symmetry != Symmetry::hermitian) return;
   for_each_packed(header, [&](Index i, Index j, Offset k) {
-    const double imaginary = numbers[2 * static_cast<std::size_t>(k) + 1];
+    const double imaginary = numbers[2 * at(k) + 1];
     if (i == j && imaginary != 0)
       fail_at(source, header.data,
               fmt::format("the diagonal of a hermitian matrix is real; entry ({}, {}) has the imaginary part {}", i + 1,
@@ -77,9 +77,9 @@ void check_array_diagonal(const Source& source, const MatrixMarketHeader& header
 template <class Use>
 void visit_all(const ComplexSparseMatrix& a, const Use& use) {
   for (Index j = 0; j < a.cols; ++j)
-    for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
-      const Index i = a.row_ind[static_cast<std::size_t>(p)];
-      const std::complex<double> v = a.values[static_cast<std::size_t>(p)];
+    for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
+      const Index i = a.row_ind[at(p)];
+      const std::complex<double> v = a.values[at(p)];
       use(i, j, v);
       if (a.storage != Storage::general && i != j) use(j, i, a.view().hermitian() ? std::conj(v) : v);
     }
@@ -110,11 +110,11 @@ DenseVectors parse_matrix_market_vectors(std::string_view text, const std::strin
     const std::vector<double> numbers = parse_array_numbers(source, header, options);
     DenseVectors v = zero_vectors(source, header.rows, header.cols, header.count);
     const double sign = header.symmetry == Symmetry::skew ? -1.0 : 1.0;
-    const auto n = static_cast<std::size_t>(header.rows);
+    const auto n = at(header.rows);
     for_each_packed(header, [&](Index i, Index j, Offset k) {
-      const double value = numbers[static_cast<std::size_t>(k)];
-      v.values[static_cast<std::size_t>(i) * n + static_cast<std::size_t>(j)] = sign * value;
-      v.values[static_cast<std::size_t>(j) * n + static_cast<std::size_t>(i)] = value;
+      const double value = numbers[at(k)];
+      v.values[at(i) * n + at(j)] = sign * value;
+      v.values[at(j) * n + at(i)] = value;
     });
     return v;
   }
@@ -122,11 +122,9 @@ DenseVectors parse_matrix_market_vectors(std::string_view text, const std::strin
   with_values.keep_pattern = false;
   const SparseMatrix a = to_general(parse_coordinate(source, header, with_values), options.pool);
   DenseVectors v = zero_vectors(source, a.rows, a.cols, a.nonzeros());
-  for (std::size_t j = 0; j < static_cast<std::size_t>(a.cols); ++j)
+  for (std::size_t j = 0; j < at(a.cols); ++j)
     for (Offset p = a.col_ptr[j]; p < a.col_ptr[j + 1]; ++p)
-      v.values[j * static_cast<std::size_t>(a.rows) +
-               static_cast<std::size_t>(a.row_ind[static_cast<std::size_t>(p)])] =
-          a.values[static_cast<std::size_t>(p)];
+      v.values[j * at(a.rows) + static_cast<std::size_t>(a.row_ind[at(p)])] = a.values[at(p)];
   return v;
 }
 
@@ -164,9 +162,7 @@ ComplexVectors parse_complex_matrix_market_vectors(std::string_view text, const 
   const ComplexSparseMatrix a = parse_complex_matrix_market(text, name, options);
   const auto size = zero_vectors(source, a.rows, a.cols, a.nonzeros()).values.size();
   ComplexVectors v{a.rows, a.cols, std::vector<std::complex<double>>(size)};
-  visit_all(a, [&](Index i, Index j, std::complex<double> value) {
-    v.values[static_cast<std::size_t>(j) * static_cast<std::size_t>(a.rows) + static_cast<std::size_t>(i)] = value;
-  });
+  visit_all(a, [&](Index i, Index j, std::complex<double> value) { v.values[at(j) * at(a.rows) + at(i)] = value; });
   return v;
 }
 

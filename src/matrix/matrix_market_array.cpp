@@ -45,12 +45,11 @@ std::vector<double> parse_array_numbers(const Source& source, const MatrixMarket
                         "is truncated or its size line wrong",
                         header.numbers(), end - header.data));
   auto blocks = cut_lines<ArrayBlock>(header.data, end);
-  for_each(options.pool, static_cast<std::int64_t>(blocks.size()),
-           [&](std::int64_t i) { parse_block(blocks[static_cast<std::size_t>(i)]); });
+  for_each(options.pool, static_cast<std::int64_t>(blocks.size()), [&](std::int64_t i) { parse_block(blocks[at(i)]); });
   for (const auto& block : blocks)
     if (block.error_at != nullptr) fail_at(source, block.error_at, block.error);
   std::vector<double> numbers;
-  numbers.reserve(static_cast<std::size_t>(header.numbers()));
+  numbers.reserve(at(header.numbers()));
   for (const auto& block : blocks) {
     if (static_cast<Offset>(numbers.size() + block.numbers.size()) > header.numbers())
       fail_at(

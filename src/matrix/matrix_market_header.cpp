@@ -16,7 +16,7 @@ std::string next_word(const char*& p, const char* end) {
   p = skip_blanks(p, end);
   const char* begin = p;
   while (p < end && !is_blank(*p)) ++p;
-  return lower_case({begin, static_cast<std::size_t>(p - begin)});
+  return lower_case({begin, at(p - begin)});
 }
 
 void read_banner(const Source& source, const char* begin, const char* end, MatrixMarketHeader& header) {
@@ -58,7 +58,7 @@ void read_sizes(const Source& source, const char* end, MatrixMarketHeader& heade
   for (int i = 0; i < expected; ++i) {
     p = skip_blanks(p, end);
     const char* word = p;
-    const ScanError error = scan_integer(p, end, sizes[static_cast<std::size_t>(i)]);
+    const ScanError error = scan_integer(p, end, sizes[at(i)]);
     if (error != ScanError::none || (p < end && !is_blank(*p)))
       fail_at(source, header.sizes,
               fmt::format("expected the {} integers of the size line ({}), '{}' {}", expected,

@@ -26,7 +26,7 @@ class Text {
     const auto [stop, code] = std::to_chars(digits, digits + kLongest, v);
     (void)code;  // 32 characters hold every double and every 64-bit integer
     *stop = behind;
-    text_.append(digits, static_cast<std::size_t>(stop - digits) + 1);
+    text_.append(digits, at(stop - digits) + 1);
   }
   [[nodiscard]] const std::string& text() const { return text_; }
 
@@ -51,8 +51,8 @@ void write_blocks(base::OutputFile& file, Offset n, base::ThreadPool* pool,
   const Offset wave = 4 * base::threads_of(pool);
   for (Offset begin = 0; begin < n; begin += wave) {
     const Offset size = std::min(wave, n - begin);
-    std::vector<Text> texts(static_cast<std::size_t>(size));
-    base::for_each(pool, size, [&](std::int64_t i) { format(begin + i, texts[static_cast<std::size_t>(i)]); });
+    std::vector<Text> texts(at(size));
+    base::for_each(pool, size, [&](std::int64_t i) { format(begin + i, texts[at(i)]); });
     for (const auto& text : texts) file.write(text.text());
   }
 }
@@ -64,8 +64,7 @@ Offset count_written(const MatrixView& a) {
   if (a.storage != Storage::symmetric_both) return a.nonzeros();
   Offset count = 0;
   for (Index j = 0; j < a.cols; ++j)
-    for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p)
-      count += a.row_ind[static_cast<std::size_t>(p)] >= j ? 1 : 0;
+    for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) count += a.row_ind[at(p)] >= j ? 1 : 0;
   return count;
 }
 
@@ -82,17 +81,17 @@ template <class Value>
 void format_entries(const MatrixView& a, std::span<const Value> values, bool hermitian, Offset begin, Offset end,
                     Text& text) {
   constexpr std::size_t kBytesPerEntry = 40;
-  text.reserve(static_cast<std::size_t>(end - begin) * kBytesPerEntry);
+  text.reserve(at(end - begin) * kBytesPerEntry);
   auto j = static_cast<Index>(std::upper_bound(a.col_ptr.begin(), a.col_ptr.end(), begin) - a.col_ptr.begin() - 1);
   for (Offset p = begin; p < end; ++p) {
-    while (a.col_ptr[static_cast<std::size_t>(j) + 1] <= p) ++j;
-    const Index i = a.row_ind[static_cast<std::size_t>(p)];
+    while (a.col_ptr[at(j) + 1] <= p) ++j;
+    const Index i = a.row_ind[at(p)];
     if (!written(a.storage, i, j)) continue;
     const bool mirror = a.storage == Storage::symmetric_upper;
     text.number((mirror ? j : i) + 1, ' ');
     text.number((mirror ? i : j) + 1, values.empty() ? '\n' : ' ');
     if (values.empty()) continue;
-    const Value v = values[static_cast<std::size_t>(p)];
+    const Value v = values[at(p)];
     format_value(mirror ? mirrored(v, hermitian) : v, text);
   }
 }
@@ -124,7 +123,7 @@ void write_array(const std::string& path, Index rows, Index cols, std::span<cons
   file.write(fmt::format("{} {}\n", rows, cols));
   write_blocks(file, (count + kEntriesPerBlock - 1) / kEntriesPerBlock, pool, [&](Offset i, Text& text) {
     const Offset end = std::min(count, (i + 1) * kEntriesPerBlock);
-    for (Offset k = i * kEntriesPerBlock; k < end; ++k) format_value(values[static_cast<std::size_t>(k)], text);
+    for (Offset k = i * kEntriesPerBlock; k < end; ++k) format_value(values[at(k)], text);
   });
   file.commit();
 }

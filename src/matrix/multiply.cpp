@@ -4,6 +4,7 @@
 
 #include <stdexcept>
 
+#include "base/at.hpp"
 #include "matrix/column_sweep.hpp"
 
 namespace espalier::matrix {
@@ -20,9 +21,8 @@ struct Sum {
 
 void multiply(const MatrixView& a, Transpose transpose, std::span<const double> x, std::span<double> y, Index columns,
               base::ThreadPool* pool) {
-  const auto rows = static_cast<std::size_t>(rows_of(a, transpose)),
-             cols = static_cast<std::size_t>(cols_of(a, transpose));
-  const auto k = static_cast<std::size_t>(columns);
+  const auto rows = at(rows_of(a, transpose)), cols = at(cols_of(a, transpose));
+  const auto k = at(columns);
   if (columns < 0 || x.size() != cols * k || y.size() != rows * k)
     throw std::invalid_argument(fmt::format("multiply: op(A) is {} x {}, {} vectors: x has {} numbers, y {}", rows,
                                             cols, columns, x.size(), y.size()));

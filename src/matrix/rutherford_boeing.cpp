@@ -28,7 +28,7 @@ class Lines {
     const char* stop = end_of_line(begin, end_);
     next_ = stop < end_ ? stop + 1 : end_;
     if (stop > begin && stop[-1] == '\r') --stop;
-    return {begin, static_cast<std::size_t>(stop - begin)};
+    return {begin, at(stop - begin)};
   }
   [[nodiscard]] const char* position() const { return next_; }
   [[nodiscard]] Offset bytes_left() const { return end_ - next_; }
@@ -123,9 +123,8 @@ void read_section(Lines& lines, const FortranFormat& format, Offset count, const
   for (Offset k = 0; k < count;) {
     const std::string_view line = lines.take(what);
     for (int f = 0; f < format.per_line && k < count; ++f, ++k) {
-      const std::size_t begin =
-          std::min(static_cast<std::size_t>(f) * static_cast<std::size_t>(format.width), line.size());
-      take(k, line.substr(begin, static_cast<std::size_t>(format.width)));
+      const std::size_t begin = std::min(at(f) * at(format.width), line.size());
+      take(k, line.substr(begin, at(format.width)));
     }
   }
 }
@@ -164,7 +163,7 @@ void read_entries(Lines& lines, const RutherfordBoeingHeader& header, const std:
     raw.row[k] = static_cast<Index>(value - 1);
   });
   for (Index j = 0; j < raw.cols; ++j)
-    for (Offset k = pointers[static_cast<std::size_t>(j)]; k < pointers[static_cast<std::size_t>(j) + 1]; ++k) {
+    for (Offset k = pointers[at(j)]; k < pointers[at(j) + 1]; ++k) {
       raw.col[k] = j;
       raw.below |= raw.row[k] > j;
       raw.above |= raw.row[k] < j;

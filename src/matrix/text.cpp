@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "base/at.hpp"
 #include "base/strtod.hpp"
 
 namespace espalier::matrix {
@@ -69,7 +70,7 @@ void fail(const Source& source, const std::string& message) {
 
 const char* end_of_line(const char* p, const char* end) {
   if (p == end) return end;
-  const void* newline = std::memchr(p, '\n', static_cast<std::size_t>(end - p));
+  const void* newline = std::memchr(p, '\n', at(end - p));
   return newline == nullptr ? end : static_cast<const char*>(newline);
 }
 

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/at.hpp"
 #include "matrix/text.hpp"
 
 namespace espalier::matrix {
@@ -26,7 +27,7 @@ std::vector<Block> cut_lines(const char* begin, const char* end) {
   std::vector<Block> blocks;
   while (begin < end) {
     const char* stop = end;
-    if (static_cast<std::size_t>(end - begin) > kBlockBytes) stop = end_of_line(begin + kBlockBytes, end);
+    if (at(end - begin) > kBlockBytes) stop = end_of_line(begin + kBlockBytes, end);
     if (stop < end) ++stop;
     Block& block = blocks.emplace_back();
     block.begin = begin;

@@ -134,7 +134,7 @@ std::vector<Index> invert_permutation(std::span<const Index> order) {
 }
 
 SparseMatrix permute_symmetric(const MatrixView& a, std::span<const Index> order, base::ThreadPool* pool) {
-  if (a.rows != a.cols || static_cast<std::size_t>(a.rows) != order.size())
+  if (a.rows != a.cols || at(a.rows) != order.size())
     throw std::invalid_argument(
         fmt::format("permute_symmetric: {} x {} matrix, permutation of {}", a.rows, a.cols, order.size()));
   if (a.storage == Storage::symmetric_both) return permute_symmetric(to_lower(a, pool), order, pool);

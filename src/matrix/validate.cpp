@@ -6,6 +6,7 @@
 #include <mutex>
 #include <optional>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 
 namespace espalier::matrix {
@@ -20,13 +21,13 @@ void check_shape(const MatrixView& a) {
   if (static_cast<unsigned>(a.storage) > static_cast<unsigned>(Storage::symmetric_both))
     refuse(fmt::format("storage {} is none of espalier::Storage", static_cast<int>(a.storage)));
   if (a.symmetric() && a.rows != a.cols) refuse(fmt::format("a matrix of {} x {} cannot be symmetric", a.rows, a.cols));
-  if (a.col_ptr.size() != static_cast<std::size_t>(a.cols) + 1)
+  if (a.col_ptr.size() != at(a.cols) + 1)
     refuse(fmt::format("{} columns need {} column pointers, {} were given", a.cols, a.cols + 1, a.col_ptr.size()));
   if (a.col_ptr.front() != 0) refuse(fmt::format("the first column pointer is {}; it must be 0", a.col_ptr.front()));
   for (std::size_t j = 0; j + 1 < a.col_ptr.size(); ++j)
     if (a.col_ptr[j + 1] < a.col_ptr[j])
       refuse(fmt::format("the column pointers fall from {} to {} at column {}", a.col_ptr[j], a.col_ptr[j + 1], j));
-  const auto nonzeros = static_cast<std::size_t>(a.col_ptr.back());
+  const auto nonzeros = at(a.col_ptr.back());
   if (a.row_ind.size() != nonzeros)
     refuse(fmt::format("the column pointers end at {}, but {} row indices were given", nonzeros, a.row_ind.size()));
   if (!a.values.empty() && a.values.size() != nonzeros)
@@ -37,8 +38,8 @@ void check_shape(const MatrixView& a) {
 std::optional<Error> check_column(const MatrixView& a, Index j) {
   const Index top = a.storage == Storage::symmetric_lower ? j : 0;
   const Index bottom = a.storage == Storage::symmetric_upper ? j + 1 : a.rows;
-  for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
-    const Index i = a.row_ind[static_cast<std::size_t>(p)];
+  for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
+    const Index i = a.row_ind[at(p)];
     if (i < 0 || i >= a.rows)
       return Error(StatusCode::invalid_input,
                    fmt::format("column {} holds row index {}; rows run from 0 to {}", j, i, a.rows - 1));
@@ -47,9 +48,8 @@ std::optional<Error> check_column(const MatrixView& a, Index j) {
                    fmt::format("entry ({}, {}) stands outside the {} triangle that the storage declares", i, j,
                                a.storage == Storage::symmetric_lower ? "lower" : "upper"),
                    i);
-    if (!a.values.empty() && !std::isfinite(a.values[static_cast<std::size_t>(p)]))
-      return Error(StatusCode::invalid_input,
-                   fmt::format("entry ({}, {}) is {}", i, j, a.values[static_cast<std::size_t>(p)]), i);
+    if (!a.values.empty() && !std::isfinite(a.values[at(p)]))
+      return Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {}", i, j, a.values[at(p)]), i);
   }
   return std::nullopt;
 }
@@ -80,9 +80,9 @@ void check_columns(Index cols, base::ThreadPool* pool, const Check& check) {
 }
 
 std::optional<Error> check_complex_column(const ComplexMatrixView& a, Index j) {
-  for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
-    const Index i = a.row_ind[static_cast<std::size_t>(p)];
-    const std::complex<double> v = a.values[static_cast<std::size_t>(p)];
+  for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
+    const Index i = a.row_ind[at(p)];
+    const std::complex<double> v = a.values[at(p)];
     if (!std::isfinite(v.real()) || !std::isfinite(v.imag()))
       return Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {} + {}i", i, j, v.real(), v.imag()), i);
     if (a.hermitian() && i == j && v.imag() != 0)

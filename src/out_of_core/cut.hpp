@@ -47,7 +47,7 @@ void give_tasks(const OutOfCoreLayout& layout, std::vector<OutOfCorePlan>& plans
 template <class Use>
 void for_each_unit(std::size_t units, base::ThreadPool* pool, Use&& use) {
   if (pool != nullptr)
-    pool->for_each(static_cast<std::int64_t>(units), [&](std::int64_t u) { use(static_cast<std::size_t>(u)); });
+    pool->for_each(static_cast<std::int64_t>(units), [&](std::int64_t u) { use(at(u)); });
   else
     for (std::size_t u = 0; u < units; ++u) use(u);
 }

@@ -31,10 +31,8 @@ class DiskFronts final : public FrontReader {
   static Offset least_window(const OutOfCorePlan& plan, const OutOfCoreLayout& layout, Offset block_bytes);
 
  private:
-  [[nodiscard]] bool in_store(Index front) const { return plan_.factor_store[static_cast<std::size_t>(front)] >= 0; }
-  [[nodiscard]] std::size_t part(Index front) const {
-    return static_cast<std::size_t>(part_of_[static_cast<std::size_t>(front)]);
-  }
+  [[nodiscard]] bool in_store(Index front) const { return plan_.factor_store[at(front)] >= 0; }
+  [[nodiscard]] std::size_t part(Index front) const { return static_cast<std::size_t>(part_of_[at(front)]); }
 
   DiskStore& store_;
   const OutOfCorePlan& plan_;

@@ -53,7 +53,7 @@ bool PartialRun::makes(const Operation& op, Index device) const {
 std::span<const LeftContribution> PartialRun::brought(const Operation& op, Index device) const {
   if (kept_.empty()) return {};
   const std::vector<LeftContribution>& all = brought_[at(device)];
-  const auto number = static_cast<std::size_t>(&op - plans_[at(device)].ops.data());
+  const auto number = at(&op - plans_[at(device)].ops.data());
   const auto before = [](const LeftContribution& x, std::size_t k) { return x.after < k; };
   const auto begin = std::lower_bound(all.begin(), all.end(), number, before);
   const auto end = std::lower_bound(begin, all.end(), number + 1, before);

@@ -17,7 +17,7 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 class Sharer {
  public:
   Sharer(const plan::Plan& plan, const std::vector<double>& speed) : plan_(plan), speed_(speed) {
-    const auto n = static_cast<std::size_t>(plan.fronts());
+    const auto n = at(plan.fronts());
     sets_.assign(n, 0);
     seconds_.assign(n, 0);
     closed_.assign(n, 0);

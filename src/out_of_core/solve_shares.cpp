@@ -6,7 +6,7 @@ namespace espalier::out_of_core {
 
 std::vector<Index> choose_streamed(const OutOfCoreLayout& layout, const std::vector<Index>& resident, double share) {
   const plan::Plan& plan = layout.plan();
-  const auto n = static_cast<std::size_t>(plan.fronts());
+  const auto n = at(plan.fronts());
   std::vector<char> is_resident(n, 0);
   for (const Index f : resident) is_resident[f] = 1;
   std::vector<Offset> elements(n, 0);  // of the sub-tree under each front

@@ -30,7 +30,7 @@ class Uses {
   void add(const Operation& op, Index step) {
     const bool write = op.queue == Queue::out;
     for (int k = 0; k < parts_of(op); ++k) {
-      const Offset host = op.host[static_cast<std::size_t>(k)];
+      const Offset host = op.host[at(k)];
       if (op.type == OperationType::load_slab) {
         list_.clear();
         layout_.slab(op.front, op.begin, op.end, op.row, list_);
@@ -64,7 +64,7 @@ std::vector<StoreUse> store_uses(const std::vector<OutOfCorePlan>& plans, const 
                                  const PartialRun& part) {
   Uses uses(layout);
   for (Index d = 0; d < static_cast<Index>(plans.size()); ++d) {
-    const OutOfCorePlan& p = plans[static_cast<std::size_t>(d)];
+    const OutOfCorePlan& p = plans[at(d)];
     for (const Operation& op : p.ops) {
       const Index step = step_of(p, &op, steps);
       if (part.makes(op, d)) uses.add(op, step);

@@ -26,7 +26,7 @@ class ChangedEntries {
 
   /// The front before with these pivots; -1: the entries have to be looked for.
   [[nodiscard]] Index front_before(Index f) const {
-    return kept_ == nullptr || kept_->with_pivots.empty() ? -1 : kept_->with_pivots[static_cast<std::size_t>(f)];
+    return kept_ == nullptr || kept_->with_pivots.empty() ? -1 : kept_->with_pivots[at(f)];
   }
   /// @pre front_before(f) >= 0, for both
   [[nodiscard]] Offset count(Index f) const;

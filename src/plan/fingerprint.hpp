@@ -23,8 +23,7 @@ std::int64_t fingerprint(const Plan& plan, int kind, MakerOf&& maker_of) {
     add(static_cast<std::uint64_t>(l.pivot_width) << 32 | static_cast<std::uint64_t>(l.below_width));
   }
   for (Index f = 0; f < plan.fronts(); ++f)
-    for (Index j = 0; j < plan.layout[static_cast<std::size_t>(f)].tiles; ++j)
-      add(static_cast<std::uint64_t>(maker_of(f, j)));
+    for (Index j = 0; j < plan.layout[at(f)].tiles; ++j) add(static_cast<std::uint64_t>(maker_of(f, j)));
   add(static_cast<std::uint64_t>(plan.options.interleave));
   return static_cast<std::int64_t>(h);
 }

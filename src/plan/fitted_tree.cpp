@@ -17,15 +17,15 @@ Offset factor_elements(Index pivots, Index below, const PlanOptions& options) {
 
 std::vector<analysis::PivotMove> moves_that_fit(const analysis::AssemblyTree& tree, const PlanOptions& options) {
   const Index chunk = options.tiles.panel, fronts = tree.fronts();
-  std::vector<Index> pivots(static_cast<std::size_t>(fronts));  // as children have left them
-  for (Index f = 0; f < fronts; ++f) pivots[static_cast<std::size_t>(f)] = tree.pivots(f);
+  std::vector<Index> pivots(at(fronts));  // as children have left them
+  for (Index f = 0; f < fronts; ++f) pivots[at(f)] = tree.pivots(f);
   std::vector<analysis::PivotMove> moves;
   for (Index f = 0; f < fronts; ++f) {
     const Index parent = tree.parent[f];
-    Index& mine = pivots[static_cast<std::size_t>(f)];
+    Index& mine = pivots[at(f)];
     const Index more = mine % chunk;
     if (parent < 0 || more == 0 || more > chunk / 2 || more >= tree.pivots(f)) continue;
-    Index& its = pivots[static_cast<std::size_t>(parent)];
+    Index& its = pivots[at(parent)];
     const Index below = tree.rows_below(f), its_below = tree.rows_below(parent);
     const Offset before = factor_elements(mine, below, options) + factor_elements(its, its_below, options);
     const Offset after =

@@ -17,15 +17,14 @@ double seconds(double flops, double rows, double front, double flops_per_second,
 // The longest path from a leaf to the root, by the lengths of its fronts.
 class LongestPath {
  public:
-  explicit LongestPath(const analysis::AssemblyTree& tree)
-      : tree_(tree), to_(static_cast<std::size_t>(tree.fronts()), 0) {}
+  explicit LongestPath(const analysis::AssemblyTree& tree) : tree_(tree), to_(at(tree.fronts()), 0) {}
   // The costs of all fronts, in ascending order.
   void add(Index f, double length) {
-    double& mine = to_[static_cast<std::size_t>(f)];
+    double& mine = to_[at(f)];
     mine += length;
     length_ = std::max(length_, mine);
     if (const Index parent = tree_.parent[f]; parent >= 0) {
-      double& above = to_[static_cast<std::size_t>(parent)];
+      double& above = to_[at(parent)];
       above = std::max(above, mine);
     }
   }

@@ -13,7 +13,7 @@ void SourceMap::list(Offset begin, std::span<const Offset> now) {
 }
 
 void SourceMap::close(Offset entries) {
-  first_run_.resize(static_cast<std::size_t>(entries >> kBlock) + 1);
+  first_run_.resize(at(entries >> kBlock) + 1);
   std::size_t run = 0;
   for (std::size_t b = 0; b < first_run_.size(); ++b) {
     while (run + 1 < runs_.size() && runs_[run + 1].begin <= static_cast<Offset>(b) << kBlock) ++run;

@@ -45,13 +45,13 @@ class SourceMap {
 
  private:
   [[nodiscard]] std::size_t run_of(Offset before) const {
-    auto run = static_cast<std::size_t>(first_run_[static_cast<std::size_t>(before >> kBlock)]);
+    auto run = static_cast<std::size_t>(first_run_[at(before >> kBlock)]);
     while (run + 1 < runs_.size() && runs_[run + 1].begin <= before) ++run;
     return run;
   }
   [[nodiscard]] Offset place_in(std::size_t run, Offset before) const {
     const Run& r = runs_[run];
-    return r.listed < 0 ? before + r.shift : listed_[static_cast<std::size_t>(r.listed + before - r.begin)];
+    return r.listed < 0 ? before + r.shift : listed_[at(r.listed + before - r.begin)];
   }
 
   static constexpr int kBlock = 9;  // runs are found from the first of each 512 entries on

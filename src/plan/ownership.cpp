@@ -19,7 +19,7 @@ struct Costs {
 };
 
 Costs subtree_costs(const Plan& plan) {
-  const auto n = static_cast<std::size_t>(plan.fronts());
+  const auto n = at(plan.fronts());
   Costs c{std::vector<double>(n, 0), std::vector<double>(n, 0)};
   for (Index f = 0; f < plan.fronts(); ++f) {
     const FrontLayout& l = plan.layout[f];
@@ -90,7 +90,7 @@ void list_by_device(std::vector<SubTree>& subtrees) {
 void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Index devices) {
   std::stable_sort(subtrees.begin(), subtrees.end(),
                    [](const SubTree& a, const SubTree& b) { return a.seconds > b.seconds; });
-  std::vector<double> load(static_cast<std::size_t>(devices), 0);
+  std::vector<double> load(at(devices), 0);
   for (SubTree& s : subtrees) {
     std::size_t best = 0;
     const auto end = [&](std::size_t d) { return (load[d] + s.seconds) / speed_of(plan, d); };
@@ -107,12 +107,12 @@ void assign_largest_first(const Plan& plan, std::vector<SubTree>& subtrees, Inde
 void assign_in_order(const Plan& plan, std::vector<SubTree>& subtrees, Index devices) {
   double all = 0, speeds = 0;
   for (const SubTree& s : subtrees) all += s.seconds;
-  for (Index d = 0; d < devices; ++d) speeds += speed_of(plan, static_cast<std::size_t>(d));
+  for (Index d = 0; d < devices; ++d) speeds += speed_of(plan, at(d));
   double before = 0, share_end = 0;
   Index device = -1;
   for (SubTree& s : subtrees) {
     while (device < 0 || (device + 1 < devices && before + 0.5 * s.seconds > share_end))
-      share_end += all / speeds * speed_of(plan, static_cast<std::size_t>(++device));
+      share_end += all / speeds * speed_of(plan, at(++device));
     s.device = device;
     before += s.seconds;
   }
@@ -121,9 +121,9 @@ void assign_in_order(const Plan& plan, std::vector<SubTree>& subtrees, Index dev
 
 // Largest load over mean load, 1 at best.
 double imbalance(const Plan& plan, const std::vector<SubTree>& subtrees, Index devices) {
-  std::vector<double> load(static_cast<std::size_t>(devices), 0);
+  std::vector<double> load(at(devices), 0);
   double all = 0, speeds = 0, most = 0;
-  for (const SubTree& s : subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
+  for (const SubTree& s : subtrees) load[at(s.device)] += s.seconds;
   for (std::size_t d = 0; d < load.size(); ++d) {
     all += load[d];
     speeds += speed_of(plan, d);
@@ -181,7 +181,7 @@ std::vector<SubTree> cut_for_ranks(const Plan& plan, const Costs& costs, std::ve
 
 // The sub-tree of every front, -1: the top.
 void find_subtrees(const Plan& plan, Ownership& a) {
-  a.subtree_of.assign(static_cast<std::size_t>(plan.fronts()), -1);
+  a.subtree_of.assign(at(plan.fronts()), -1);
   for (std::size_t s = 0; s < a.subtrees.size(); ++s)
     for (const Index f : a.subtrees[s].roots) a.subtree_of[f] = static_cast<Index>(s);
   for (Index f = plan.fronts() - 1; f >= 0; --f) {
@@ -195,7 +195,7 @@ Index device_below(const Plan& plan, const Ownership& a, Index f) {
   Index device = -1;
   for (Offset c = plan.child_ptr[f]; c < plan.child_ptr[f + 1]; ++c) {
     const Index s = a.subtree(plan.children[c]);
-    const Index its = s >= 0 ? a.subtrees[static_cast<std::size_t>(s)].device : -1;
+    const Index its = s >= 0 ? a.subtrees[at(s)].device : -1;
     if (its < 0 || (device >= 0 && its != device)) return -1;
     device = its;
   }
@@ -211,11 +211,11 @@ void take_what_one_device_has(const Plan& plan, const Costs& costs, Ownership& a
     a.subtree_of[f] = a.subtree(plan.children[begin]);
     for (Offset c = begin; c < plan.child_ptr[f + 1]; ++c) {
       const Index child = plan.children[c];
-      SubTree& s = a.subtrees[static_cast<std::size_t>(a.subtree(child))];
+      SubTree& s = a.subtrees[at(a.subtree(child))];
       s.seconds -= costs.seconds[child];
       s.roots.erase(std::find(s.roots.begin(), s.roots.end(), child));
     }
-    SubTree& mine = a.subtrees[static_cast<std::size_t>(a.subtree(f))];
+    SubTree& mine = a.subtrees[at(a.subtree(f))];
     mine.seconds += costs.seconds[f];
     mine.roots.push_back(f);
   }
@@ -231,15 +231,15 @@ void take_what_one_device_has(const Plan& plan, const Costs& costs, Ownership& a
 void find_members(const Plan& plan, Ownership& a) {
   const std::uint64_t one = 1;
   const std::uint64_t all = a.devices == Ownership::kMostMembers ? ~std::uint64_t{0} : (one << a.devices) - 1;
-  a.members.assign(static_cast<std::size_t>(plan.fronts()), 0);
+  a.members.assign(at(plan.fronts()), 0);
   for (Index f = 0; f < plan.fronts(); ++f) {
     const Index s = a.subtree(f);
-    std::uint64_t& mine = a.members[static_cast<std::size_t>(f)];
-    if (s >= 0) mine = one << a.subtrees[static_cast<std::size_t>(s)].device;
+    std::uint64_t& mine = a.members[at(f)];
+    if (s >= 0) mine = one << a.subtrees[at(s)].device;
     if (s < 0 && !a.shared_top) mine |= 1;  // it makes all of the top
     if (mine == 0) mine = all;              // in the top, and nothing below it
     const Index parent = plan.tree.parent[f];
-    if (parent >= 0 && a.subtree(parent) < 0) a.members[static_cast<std::size_t>(parent)] |= mine;
+    if (parent >= 0 && a.subtree(parent) < 0) a.members[at(parent)] |= mine;
   }
 }
 
@@ -263,16 +263,16 @@ Index group_at(const Plan& plan, const Ownership& a, Index f, Index j) {
 // Groups of block columns of the top, in the order of work, go to that member which is predicted to have least to do;
 // among equals in turn.
 void deal_columns(const Plan& plan, Ownership& a) {
-  std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
-  for (const SubTree& s : a.subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
-  a.owner_ptr.assign(static_cast<std::size_t>(plan.fronts()) + 1, 0);
+  std::vector<double> load(at(a.devices), 0);
+  for (const SubTree& s : a.subtrees) load[at(s.device)] += s.seconds;
+  a.owner_ptr.assign(at(plan.fronts()) + 1, 0);
   std::vector<Index> top;
   for (Index f = 0; f < plan.fronts(); ++f) {
     const bool shared = a.subtree(f) < 0;
     a.owner_ptr[f + 1] = a.owner_ptr[f] + (shared ? plan.layout[f].tiles : 0);
     if (shared) top.push_back(f);
   }
-  a.owners.assign(static_cast<std::size_t>(a.owner_ptr.back()), 0);
+  a.owners.assign(at(a.owner_ptr.back()), 0);
   std::stable_sort(top.begin(), top.end(), [&](Index x, Index y) { return plan.tier[x] > plan.tier[y]; });
   for (const Index f : top) {
     const FrontLayout& l = plan.layout[f];
@@ -288,7 +288,7 @@ void deal_columns(const Plan& plan, Ownership& a) {
         if (best < 0 || load[d] / speed_of(plan, d) < load[best] / speed_of(plan, best)) best = d;
       }
       for (const Index end = std::min(l.tiles, j + group_at(plan, a, f, j)); j < end; ++j) {
-        a.owners[static_cast<std::size_t>(a.owner_ptr[f]) + j] = static_cast<std::uint8_t>(best);
+        a.owners[at(a.owner_ptr[f]) + j] = static_cast<std::uint8_t>(best);
         load[best] += scale * column_flops(l, j);
       }
     }
@@ -299,14 +299,14 @@ void deal_columns(const Plan& plan, Ownership& a) {
 void choose_stealable(const Plan& plan, Ownership& a) {
   if (plan.options.subtrees_apart) return;
   constexpr double kLeastPart = 0.05;  // of its device's load
-  std::vector<double> load(static_cast<std::size_t>(a.devices), 0);
-  for (const SubTree& s : a.subtrees) load[static_cast<std::size_t>(s.device)] += s.seconds;
+  std::vector<double> load(at(a.devices), 0);
+  for (const SubTree& s : a.subtrees) load[at(s.device)] += s.seconds;
   SubTree* last = nullptr;
   for (auto s = a.subtrees.begin(); s != a.subtrees.end(); ++s) {
     s->apart = false;
     const bool first = s == a.subtrees.begin() || (s - 1)->device != s->device;
     if (first) last = nullptr;
-    if (first || !a.stealing || s->seconds < kLeastPart * load[static_cast<std::size_t>(s->device)]) continue;
+    if (first || !a.stealing || s->seconds < kLeastPart * load[at(s->device)]) continue;
     if (last != nullptr) last->apart = false;
     last = &*s;
     s->apart = true;

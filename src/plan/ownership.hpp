@@ -53,20 +53,18 @@ struct Ownership {
   std::vector<std::uint64_t> members;  ///< fronts; bit d: device d has its factor. Empty with one device, or too many
 
   /// The sub-tree of a front, -1: the top.
-  [[nodiscard]] Index subtree(Index front) const {
-    return subtree_of.empty() ? -1 : subtree_of[static_cast<std::size_t>(front)];
-  }
+  [[nodiscard]] Index subtree(Index front) const { return subtree_of.empty() ? -1 : subtree_of[at(front)]; }
   /// The device that makes the tiles of column `column` of a front, unless a thief does: block columns of the top are
   /// dealt cyclically to the devices that have a sub-tree below the front, beginning with another one for every front
   /// (with shared_top).
   [[nodiscard]] Index owner(Index front, Index column) const {
     const Index s = subtree(front);
-    if (s >= 0) return subtrees[static_cast<std::size_t>(s)].device;
+    if (s >= 0) return subtrees[at(s)].device;
     if (!shared_top) return 0;
-    if (!owners.empty()) return owners[static_cast<std::size_t>(owner_ptr[static_cast<std::size_t>(front)] + column)];
+    if (!owners.empty()) return owners[static_cast<std::size_t>(owner_ptr[at(front)] + column)];
     const Offset turn = Offset{column} / column_group + front;
     if (members.empty()) return static_cast<Index>(turn % devices);
-    std::uint64_t set = members[static_cast<std::size_t>(front)];
+    std::uint64_t set = members[at(front)];
     for (auto k = turn % std::popcount(set); k > 0; --k) set &= set - 1;
     return std::countr_zero(set);
   }

@@ -168,16 +168,14 @@ struct Plan {
 
   [[nodiscard]] Index fronts() const { return tree.fronts(); }
   [[nodiscard]] FrontForm form(Index f) const {
-    if (whole[static_cast<std::size_t>(f)] != 0) return FrontForm::whole;
-    return layout[static_cast<std::size_t>(f)].rows <= options.tiles.narrow_rows ? FrontForm::narrow : FrontForm::wide;
+    if (whole[at(f)] != 0) return FrontForm::whole;
+    return layout[at(f)].rows <= options.tiles.narrow_rows ? FrontForm::narrow : FrontForm::wide;
   }
   [[nodiscard]] Offset tiles() const { return first_tile.back(); }
   /// Positions of the rows below the pivots of a front, layout[f].below() of them; and their places in its parent.
   [[nodiscard]] const Index* rows_below(Index f) const { return tree.rows.data() + row_at(f); }
   [[nodiscard]] const Index* places_in_parent(Index f) const { return relative.data() + row_at(f); }
-  [[nodiscard]] Offset row_at(Index f) const {
-    return (row_begin.empty() ? tree.row_ptr : row_begin)[static_cast<std::size_t>(f)];
-  }
+  [[nodiscard]] Offset row_at(Index f) const { return (row_begin.empty() ? tree.row_ptr : row_begin)[at(f)]; }
 };
 
 struct KeptEntries;

@@ -27,7 +27,7 @@ void find_narrow(const Plan& plan, Regions& r) {
 }  // namespace
 
 std::vector<char> wide_fronts(const Plan& plan) {
-  std::vector<char> wide(static_cast<std::size_t>(plan.fronts()));
+  std::vector<char> wide(at(plan.fronts()));
   for (Index f = 0; f < plan.fronts(); ++f) wide[f] = static_cast<char>(plan.form(f) == FrontForm::wide);
   mark_above(plan, wide);
   return wide;
@@ -47,15 +47,15 @@ Regions name_regions(const Plan& plan, bool peer_access) {
     of_subtree[s] = static_cast<Index>(r.device.size());
     r.device.push_back(a.subtrees[s].device);
   }
-  r.of.assign(static_cast<std::size_t>(plan.fronts()), 0);
+  r.of.assign(at(plan.fronts()), 0);
   for (Index f = 0; f < plan.fronts(); ++f)
-    if (const Index s = a.subtree(f); s >= 0) r.of[f] = of_subtree[static_cast<std::size_t>(s)];
+    if (const Index s = a.subtree(f); s >= 0) r.of[f] = of_subtree[at(s)];
   find_narrow(plan, r);
   return r;
 }
 
 ArraySizes array_sizes(const Plan& plan) {
-  const auto n = static_cast<std::size_t>(plan.fronts());
+  const auto n = at(plan.fronts());
   ArraySizes sizes;
   sizes.factor.reserve(n);
   sizes.contribution.reserve(n);
@@ -69,7 +69,7 @@ ArraySizes array_sizes(const Plan& plan) {
 ArraySizes array_sizes(const Plan& plan, const Regions& regions) {
   ArraySizes sizes = array_sizes(plan);
   if (plan.ownership.devices == 1) return sizes;
-  const auto n = static_cast<std::size_t>(plan.fronts());
+  const auto n = at(plan.fronts());
   sizes.regions = static_cast<Index>(regions.device.size());
   sizes.region.resize(n);
   sizes.late.resize(n);
@@ -91,9 +91,8 @@ std::vector<Offset> elements_by_device(const Plan& plan) {
     const bool two = plan.options.unsymmetric || (plan.options.ldlt && plan.whole[f] == 0);
     top += sizes.factor[f] * (two ? 2 : 1) + sizes.contribution[f] * (plan.options.unsymmetric ? 2 : 1) / devices;
   }
-  std::vector<Offset> elements(static_cast<std::size_t>(devices), top);
-  for (std::size_t r = 1; r < regions.device.size(); ++r)
-    elements[static_cast<std::size_t>(regions.device[r])] += plan.memory.device_size[r];
+  std::vector<Offset> elements(at(devices), top);
+  for (std::size_t r = 1; r < regions.device.size(); ++r) elements[at(regions.device[r])] += plan.memory.device_size[r];
   return elements;
 }
 

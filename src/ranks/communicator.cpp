@@ -9,6 +9,7 @@
 #include <cmath>
 #include <thread>
 
+#include "base/at.hpp"
 #include "ranks/message_kinds.hpp"
 
 namespace espalier::ranks {
@@ -48,8 +49,8 @@ Communicator::Communicator(const espalier_rank_functions& functions, double pati
     table_.release(table_.context);
     throw Error(StatusCode::invalid_input, "the patience with other ranks must be a number of seconds above 0");
   }
-  incoming_.resize(static_cast<std::size_t>(size()));
-  heard_.assign(static_cast<std::size_t>(size()), now());
+  incoming_.resize(at(size()));
+  heard_.assign(at(size()), now());
   try {
     exchange_hosts();
   } catch (...) {
@@ -87,13 +88,13 @@ double Communicator::now() {
 }
 
 std::string Communicator::name_of(int rank) const {
-  const auto r = static_cast<std::size_t>(rank);
+  const auto r = at(rank);
   return r < hosts_.size() ? fmt::format("rank {} on host {}", rank, hosts_[r]) : fmt::format("rank {}", rank);
 }
 
 int Communicator::machine_of(int rank) const {
   if (machine_ranks_ > 0) return rank / machine_ranks_;
-  const auto found = std::find(hosts_.begin(), hosts_.end(), hosts_[static_cast<std::size_t>(rank)]);
+  const auto found = std::find(hosts_.begin(), hosts_.end(), hosts_[at(rank)]);
   return static_cast<int>(found - hosts_.begin());
 }
 
@@ -107,7 +108,7 @@ void Communicator::exchange_hosts() {
   (void)::sched_getaffinity(0, sizeof cores, &cores);
   neighbours_ = 0;
   const auto all = all_gather(std::as_bytes(std::span(&cores, 1)));
-  const auto me = static_cast<std::size_t>(rank());
+  const auto me = at(rank());
   for (std::size_t r = 0; r < all.size(); ++r) neighbours_ += hosts_[r] == hosts_[me] && all[r] == all[me] ? 1 : 0;
 }
 
@@ -205,14 +206,14 @@ void Communicator::receive() {
     check(table_.receive(table_.context, in.message.data(), bytes, from, &in.request));
     incoming_bytes_ += bytes;
     ++moved_;
-    incoming_[static_cast<std::size_t>(from)].push_back(std::move(in));
+    incoming_[at(from)].push_back(std::move(in));
   }
 }
 
 // Messages of a rank are handed out in the order in which it sent them, whichever arrives first.
 void Communicator::deliver(const Handler& handler) {
   for (int from = 0; from < size(); ++from) {
-    auto& queue = incoming_[static_cast<std::size_t>(from)];
+    auto& queue = incoming_[at(from)];
     std::size_t tested = 0;
     for (Incoming& in : queue) {
       if (in.done) continue;
@@ -222,7 +223,7 @@ void Communicator::deliver(const Handler& handler) {
       in.done = done != 0;
       if (!in.done) continue;
       ++moved_;
-      heard_[static_cast<std::size_t>(from)] = now();
+      heard_[at(from)] = now();
     }
     while (!queue.empty() && queue.front().done) {
       const Message message = std::move(queue.front().message);
@@ -295,8 +296,7 @@ void Communicator::expect_patience() {
   if (time - waiting_since_ <= patience_) return;
   std::string silent;
   for (int r = 0; r < size(); ++r)
-    if (r != rank() && time - heard_[static_cast<std::size_t>(r)] > patience_)
-      silent += (silent.empty() ? "" : " and ") + name_of(r);
+    if (r != rank() && time - heard_[at(r)] > patience_) silent += (silent.empty() ? "" : " and ") + name_of(r);
   if (!silent.empty())
     lose(fmt::format("nothing has come for {:.3g} s from {}: it has died, is stopped, or makes other calls", patience_,
                      silent));

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/at.hpp"
 #include "ranks/communicator.hpp"
 
 namespace espalier::ranks {
@@ -27,7 +28,7 @@ class Machines {
  private:
   explicit Machines(std::vector<int> machine) : machine_(std::move(machine)) {}
   [[nodiscard]] int first_ranks() const { return machine_.size() < 32 ? static_cast<int>(machine_.size()) : 32; }
-  [[nodiscard]] int of(int rank) const { return machine_[static_cast<std::size_t>(rank)]; }
+  [[nodiscard]] int of(int rank) const { return machine_[at(rank)]; }
 
   std::vector<int> machine_;  // by rank
 };

@@ -11,6 +11,8 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::ranks {
 
 namespace {
@@ -37,7 +39,7 @@ struct Request {
 class ThreadRanks::Shared {
  public:
   Shared(int ranks, const Faults& faults)
-      : ranks_(ranks), faults_(faults), random_(faults.seed), mail_(static_cast<std::size_t>(ranks * ranks)) {}
+      : ranks_(ranks), faults_(faults), random_(faults.seed), mail_(at(ranks * ranks)) {}
 
   int send(int me, const void* data, std::size_t bytes, int to, void** request) {
     const std::lock_guard lock(mutex_);
@@ -114,9 +116,7 @@ class ThreadRanks::Shared {
     requests_.emplace(kept, std::move(open));
     return kept;
   }
-  [[nodiscard]] std::deque<Letter>& mail(int from, int to) {
-    return mail_[static_cast<std::size_t>(from * ranks_ + to)];
-  }
+  [[nodiscard]] std::deque<Letter>& mail(int from, int to) { return mail_[at(from * ranks_ + to)]; }
   [[nodiscard]] int state_of(int me) const {
     if (!dead_) return 0;
     if (me == faults_.dead_rank) return kIAmDead;

@@ -16,7 +16,7 @@ struct SchurComplement::Impl : schur::Condensation {
   static void check(const char* call, const char* name, std::size_t have, Index rows, Index columns) {
     if (columns < 1)
       throw std::invalid_argument(fmt::format("SchurComplement::{}: {} right-hand sides", call, columns));
-    if (const std::size_t need = static_cast<std::size_t>(rows) * static_cast<std::size_t>(columns); have != need)
+    if (const std::size_t need = at(rows) * at(columns); have != need)
       throw std::invalid_argument(
           fmt::format("SchurComplement::{}: {} right-hand sides of {} values need {}; {} has {}", call, columns, rows,
                       need, name, have));

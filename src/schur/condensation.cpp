@@ -135,7 +135,7 @@ void Condensation::analyze_rest(const MatrixView& a, bool with_border) {
 void Condensation::check_values(std::span<const double> values) const {
   for (Index c = 0; c < a_.cols; ++c)
     for (Offset q = a_.col_ptr[at(c)]; q < a_.col_ptr[at(c) + 1]; ++q)
-      if (const auto k = static_cast<std::size_t>(q); !std::isfinite(values[k]))
+      if (const auto k = at(q); !std::isfinite(values[k]))
         throw Error(StatusCode::invalid_input, fmt::format("entry ({}, {}) is {}", a_.row_ind[k], c, values[k]),
                     a_.row_ind[k]);
   MatrixView now = a_;
@@ -233,7 +233,7 @@ void Condensation::add_border_contribution() {
   const solver::BorderContribution left = session_->factor->numeric().border_contribution();
   const std::size_t rows = left.rows.size(), size = at(parts_->size());
   pool_.for_each_range(static_cast<std::int64_t>(rows), 16, [&](std::int64_t begin, std::int64_t end) {
-    for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
+    for (auto c = at(begin); c < at(end); ++c)
       for (std::size_t r = 0; r < rows; ++r) {
         const bool above = symmetric_ && r < c;
         s_[at(left.rows[c]) * size + at(left.rows[r])] = above ? left.values[r * rows + c] : left.values[c * rows + r];

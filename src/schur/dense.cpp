@@ -3,6 +3,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/at.hpp"
+
 namespace espalier::schur {
 
 namespace {
@@ -15,7 +17,7 @@ SparseMatrix as_sparse(std::span<const double> s, Index size, bool symmetric) {
   for (Index c = 0; c < size; ++c) {
     for (Index r = symmetric ? c : 0; r < size; ++r) {
       a.row_ind.push_back(r);
-      a.values.push_back(s[static_cast<std::size_t>(c) * static_cast<std::size_t>(size) + static_cast<std::size_t>(r)]);
+      a.values.push_back(s[at(c) * at(size) + at(r)]);
     }
     a.col_ptr.push_back(static_cast<Offset>(a.row_ind.size()));
   }

@@ -47,15 +47,15 @@ double RankResidual::norm(bool transpose) const {
 void RankResidual::gather_all(std::span<double* const> vectors) const {
   const Range mine = range_of(link_.rank());
   std::vector<double> rows;
-  rows.reserve(vectors.size() * static_cast<std::size_t>(mine.count));
+  rows.reserve(vectors.size() * at(mine.count));
   for (const double* v : vectors) rows.insert(rows.end(), v + mine.first, v + mine.first + mine.count);
   const auto all = link_.all_gather(std::as_bytes(std::span<const double>(rows)));
   for (int r = 0; r < link_.size(); ++r) {
     if (r == link_.rank()) continue;
     const Range range = range_of(r);
-    const auto& bytes = all[static_cast<std::size_t>(r)];
+    const auto& bytes = all[at(r)];
     ranks::Reader reader(bytes.data(), bytes.size());
-    for (double* v : vectors) reader.get(v + range.first, static_cast<std::size_t>(range.count));
+    for (double* v : vectors) reader.get(v + range.first, at(range.count));
   }
 }
 

@@ -42,11 +42,7 @@ StepVerdict judge_step(const BackwardError& before, const BackwardError& now) {
 }
 
 Refinement::Refinement(const ResidualSpace& a, const Systems& systems, const RefinementOptions& options)
-    : a_(a),
-      transpose_(systems.transpose),
-      options_(options),
-      n_(a.size()),
-      columns_(static_cast<std::size_t>(systems.columns)) {
+    : a_(a), transpose_(systems.transpose), options_(options), n_(a.size()), columns_(at(systems.columns)) {
   if (options.steps > 0) {  // else errors are wanted, not residuals
     residuals_ = a.vectors(0, systems.columns);
     trials_ = a.vectors(1, systems.columns);

@@ -69,7 +69,7 @@ class Refinement {
   std::vector<Column> columns_;
   std::vector<Column*> active_;
   ResidualSpace::Vectors residuals_, trials_;  // n x columns
-  std::size_t most_krylov_ = static_cast<std::size_t>(kMostColumns);
+  std::size_t most_krylov_ = at(kMostColumns);
 };
 
 }  // namespace espalier::solve

@@ -67,9 +67,7 @@ double ResidualOperator::norm(bool transpose) const {
   return known;
 }
 
-std::size_t ResidualOperator::ranges() const {
-  return static_cast<std::size_t>((end_row_ - first_row_ + kRowsPerRange - 1) / kRowsPerRange);
-}
+std::size_t ResidualOperator::ranges() const { return at((end_row_ - first_row_ + kRowsPerRange - 1) / kRowsPerRange); }
 
 ResidualOperator ResidualOperator::of_rows(Index first, Index end) const {
   ResidualOperator part = *this;
@@ -245,7 +243,7 @@ void ResidualOperator::compute(std::span<ResidualColumn> columns, bool transpose
 void ResidualOperator::compute_rows(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,
                                     bool transpose) const {
   const RowSums& sums = row_sums();
-  const auto lanes = static_cast<std::size_t>(sums.lanes);
+  const auto lanes = at(sums.lanes);
   base::Buffer<double> packed;
   while (!columns.empty()) {
     if (lanes == 0 || columns.size() == 1 || numbers_ != base::Numbers::real) {
@@ -268,8 +266,8 @@ void ResidualOperator::compute_rows(std::span<const ResidualColumn> columns, std
 // use0 stands at even places, what it gives use1 at odd ones. Zeros fill the shorter chain; they change no sum.
 RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<double>& values,
                                         std::vector<Index>& cols) const {
-  auto most = static_cast<std::size_t>(a_.col_ptr[row + 1] - a_.col_ptr[row]) + 2;
-  if (!rows_->ptr.empty()) most += static_cast<std::size_t>(rows_->ptr[row + 1] - rows_->ptr[row]);
+  auto most = at(a_.col_ptr[row + 1] - a_.col_ptr[row]) + 2;
+  if (!rows_->ptr.empty()) most += at(rows_->ptr[row + 1] - rows_->ptr[row]);
   if (values.size() < most) {
     values.resize(2 * most);
     cols.resize(2 * most);
@@ -291,8 +289,8 @@ RowEntries ResidualOperator::gather_row(Index row, bool transpose, std::vector<d
 // One pass over the matrix. The columns are packed in groups of sums.lanes.
 void ResidualOperator::compute_pass(std::span<const ResidualColumn> columns, std::span<RowErrors> errors,
                                     const RowSums& sums, double* packed, bool transpose) const {
-  const auto lanes = static_cast<std::size_t>(sums.lanes);
-  const auto n = static_cast<std::size_t>(a_.rows);
+  const auto lanes = at(sums.lanes);
+  const auto n = at(a_.rows);
   const std::size_t count = columns.size(), padded = (count + lanes - 1) / lanes * lanes;
   pack(
       count, lanes, [&](std::size_t k) { return columns[k].x; }, packed);

@@ -49,18 +49,17 @@ template <class Value, class Use0, class Use1>
 template <class Use>
 void ResidualOperator::for_each_range(const Use& use) const {
   pool_->for_each_range(end_row_ - first_row_, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
-    use(static_cast<std::size_t>(begin / kRowsPerRange), first_row_ + static_cast<Index>(begin),
-        first_row_ + static_cast<Index>(end));
+    use(at(begin / kRowsPerRange), first_row_ + static_cast<Index>(begin), first_row_ + static_cast<Index>(end));
   });
 }
 
 // Row-major in groups of `lanes`; lanes without a column hold zeros.
 template <class Column>
 void ResidualOperator::pack(std::size_t count, std::size_t lanes, const Column& column, double* packed) const {
-  const auto n = static_cast<std::size_t>(a_.rows);
+  const auto n = at(a_.rows);
   pool_->for_each_range(a_.rows, kRowsPerRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::size_t first = 0; first < count; first += lanes)
-      for (auto i = static_cast<std::size_t>(begin); i < static_cast<std::size_t>(end); ++i)
+      for (auto i = at(begin); i < at(end); ++i)
         for (std::size_t k = 0; k < lanes; ++k)
           packed[first * n + i * lanes + k] = first + k < count ? column(first + k)[i] : 0;
   });

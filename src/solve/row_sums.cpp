@@ -1,5 +1,6 @@
 #include "solve/row_sums.hpp"
 
+#include "base/at.hpp"
 #include "base/vector_targets.hpp"
 
 #undef HWY_TARGET_INCLUDE
@@ -44,8 +45,7 @@ void sum_row(const RowEntries& row, const double* x, const double* b, double* re
   const Vector start = hn::LoadU(tag, b), zero = hn::Zero(tag);
   LongSum even{start, zero, hn::Abs(start)}, odd{zero, zero, zero};
   const auto add = [&](LongSum& sum, std::size_t q) HWY_ATTR {
-    sum.subtract_product(hn::Set(tag, row.values[q]),
-                         hn::LoadU(tag, x + static_cast<std::size_t>(row.cols[q]) * width));
+    sum.subtract_product(hn::Set(tag, row.values[q]), hn::LoadU(tag, x + at(row.cols[q]) * width));
   };
   const std::size_t count = row.values.size();
   std::size_t q = 0;

@@ -53,11 +53,10 @@ void CutRefiner::compute_gains() {
 /// The side that gives a vertex away: the one above the limit, else the one with the better gain.
 int CutRefiner::choose() const {
   for (int s = 0; s < 2; ++s)
-    if (b_.weight[static_cast<std::size_t>(s)] > most_side_) return queue_[s].empty() ? -1 : s;
+    if (b_.weight[at(s)] > most_side_) return queue_[s].empty() ? -1 : s;
   bool possible[2];
   for (int s = 0; s < 2; ++s)
-    possible[s] =
-        !queue_[s].empty() && b_.weight[static_cast<std::size_t>(1 - s)] + g_.weight[at(queue_[s].top())] <= most_side_;
+    possible[s] = !queue_[s].empty() && b_.weight[at(1 - s)] + g_.weight[at(queue_[s].top())] <= most_side_;
   if (!possible[0] && !possible[1]) return -1;
   if (possible[0] != possible[1]) return possible[0] ? 0 : 1;
   if (queue_[0].top_gain() != queue_[1].top_gain()) return queue_[0].top_gain() > queue_[1].top_gain() ? 0 : 1;

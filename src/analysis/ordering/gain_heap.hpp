@@ -5,6 +5,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "base/at.hpp"
 #include "espalier/types.hpp"
 
 namespace espalier::analysis {
@@ -17,10 +18,10 @@ class GainHeap {
   [[nodiscard]] bool empty() const { return heap_.empty(); }
   [[nodiscard]] Index top() const { return heap_.front().vertex; }
   [[nodiscard]] Index top_gain() const { return heap_.front().gain; }
-  [[nodiscard]] bool contains(Index v) const { return place_[static_cast<std::size_t>(v)] >= 0; }
+  [[nodiscard]] bool contains(Index v) const { return place_[at(v)] >= 0; }
 
   void clear() {
-    for (const Item& e : heap_) place_[static_cast<std::size_t>(e.vertex)] = -1;
+    for (const Item& e : heap_) place_[at(e.vertex)] = -1;
     heap_.clear();
   }
   void insert(Index v, Index gain) {
@@ -28,20 +29,20 @@ class GainHeap {
     up(heap_.size() - 1);
   }
   void change(Index v, Index difference) {
-    const std::size_t k = static_cast<std::size_t>(place_[static_cast<std::size_t>(v)]);
+    const std::size_t k = static_cast<std::size_t>(place_[at(v)]);
     heap_[k].gain += difference;
     difference > 0 ? up(k) : down(k);
   }
   void remove(Index v) {
-    const std::size_t k = static_cast<std::size_t>(place_[static_cast<std::size_t>(v)]);
-    place_[static_cast<std::size_t>(v)] = -1;
+    const std::size_t k = static_cast<std::size_t>(place_[at(v)]);
+    place_[at(v)] = -1;
     const Item last = heap_.back();
     heap_.pop_back();
     if (k == heap_.size()) return;
     heap_[k] = last;
-    place_[static_cast<std::size_t>(last.vertex)] = static_cast<Index>(k);
+    place_[at(last.vertex)] = static_cast<Index>(k);
     up(k);
-    down(static_cast<std::size_t>(place_[static_cast<std::size_t>(last.vertex)]));
+    down(static_cast<std::size_t>(place_[at(last.vertex)]));
   }
 
  private:
@@ -51,7 +52,7 @@ class GainHeap {
   };
   void set_item(std::size_t k, Item e) {
     heap_[k] = e;
-    place_[static_cast<std::size_t>(e.vertex)] = static_cast<Index>(k);
+    place_[at(e.vertex)] = static_cast<Index>(k);
   }
   void up(std::size_t k) {
     const Item e = heap_[k];

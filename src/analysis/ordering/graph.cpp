@@ -25,7 +25,7 @@ Columns columns_of(const MatrixView& a) {
 Columns columns_of(const matrix::RowIndex& rows) {
   Columns c;
   c.ptr = rows.ptr;
-  c.ind = {rows.col.data(), static_cast<std::size_t>(rows.ptr.back())};
+  c.ind = {rows.col.data(), at(rows.ptr.back())};
   return c;
 }
 
@@ -63,22 +63,22 @@ bool symmetric_pattern(const Columns& c, Index n, base::ThreadPool& pool) {
 Columns sort_columns(const Columns& c, Index n, std::span<const Index> name, base::ThreadPool& pool) {
   Columns out;
   base::LazyVector<Index> all(c.ind.size());
-  out.own_ptr.assign(static_cast<std::size_t>(n) + 1, 0);
+  out.own_ptr.assign(at(n) + 1, 0);
   pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j) {
       const auto rows = c[j];
-      Index* const first = all.data() + c.ptr[static_cast<std::size_t>(j)];
+      Index* const first = all.data() + c.ptr[at(j)];
       Index* const last = std::copy(rows.begin(), rows.end(), first);
       if (!name.empty())
-        for (Index* r = first; r != last; ++r) *r = name[static_cast<std::size_t>(*r)];
+        for (Index* r = first; r != last; ++r) *r = name[at(*r)];
       std::sort(first, last);
-      out.own_ptr[static_cast<std::size_t>(j) + 1] = std::unique(first, last) - first;
+      out.own_ptr[at(j) + 1] = std::unique(first, last) - first;
     }
   });
   accumulate(out.own_ptr);
-  out.own_ind.resize(static_cast<std::size_t>(out.own_ptr.back()));
+  out.own_ind.resize(at(out.own_ptr.back()));
   pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
-    for (auto j = static_cast<std::size_t>(begin); j < static_cast<std::size_t>(end); ++j)
+    for (auto j = at(begin); j < at(end); ++j)
       std::copy_n(all.data() + c.ptr[j], out.own_ptr[j + 1] - out.own_ptr[j], out.own_ind.data() + out.own_ptr[j]);
   });
   out.own();
@@ -116,23 +116,23 @@ Offset join_columns(std::span<const Index> a, std::span<const Index> b, Index sk
 }
 
 Graph merged(const Columns& a, const Columns& b, Index n, base::ThreadPool& pool) {
-  Graph g{n, std::vector<Offset>(static_cast<std::size_t>(n) + 1, 0), {}};
+  Graph g{n, std::vector<Offset>(at(n) + 1, 0), {}};
   pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
-      g.ptr[static_cast<std::size_t>(j) + 1] = join_columns(a[j], b[j], static_cast<Index>(j), nullptr);
+      g.ptr[at(j) + 1] = join_columns(a[j], b[j], static_cast<Index>(j), nullptr);
   });
   accumulate(g.ptr);
-  g.adj.resize(static_cast<std::size_t>(g.ptr.back()));
+  g.adj.resize(at(g.ptr.back()));
   pool.for_each_range(n, kGraphRange, [&](std::int64_t begin, std::int64_t end) {
     for (std::int64_t j = begin; j < end; ++j)
-      join_columns(a[j], b[j], static_cast<Index>(j), g.adj.data() + g.ptr[static_cast<std::size_t>(j)]);
+      join_columns(a[j], b[j], static_cast<Index>(j), g.adj.data() + g.ptr[at(j)]);
   });
   return g;
 }
 
 Columns no_columns(Index n) {
   Columns c;
-  c.own_ptr.assign(static_cast<std::size_t>(n) + 1, 0);
+  c.own_ptr.assign(at(n) + 1, 0);
   c.own();
   return c;
 }
@@ -142,16 +142,16 @@ std::vector<Index> row_names(std::span<const Index> row_of_col, Index n) {
   std::vector<Index> name(row_of_col.size(), -1);
   bool identity = true;
   for (Index j = 0; j < static_cast<Index>(row_of_col.size()); ++j) {
-    const Index i = row_of_col[static_cast<std::size_t>(j)];
+    const Index i = row_of_col[at(j)];
     identity = identity && i == j;
-    if (i >= 0) name[static_cast<std::size_t>(i)] = j;
+    if (i >= 0) name[at(i)] = j;
   }
   if (identity) return {};
   Index free = 0;
   for (Index j = 0; j < n; ++j) {
-    if (row_of_col[static_cast<std::size_t>(j)] >= 0) continue;
-    while (name[static_cast<std::size_t>(free)] >= 0) ++free;
-    name[static_cast<std::size_t>(free)] = j;
+    if (row_of_col[at(j)] >= 0) continue;
+    while (name[at(free)] >= 0) ++free;
+    name[at(free)] = j;
   }
   return name;
 }

@@ -5,6 +5,7 @@
 #include <span>
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/lazy_vector.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/matrix.hpp"
@@ -19,7 +20,7 @@ struct Graph {
   base::LazyVector<Index> adj;  ///< ptr[n]
 
   [[nodiscard]] std::span<const Index> neighbours(Index v) const {
-    const auto k = static_cast<std::size_t>(v);
+    const auto k = at(v);
     return {adj.data() + ptr[k], adj.data() + ptr[k + 1]};
   }
 };

@@ -61,7 +61,7 @@ void Refiner::enqueue(Index v) {
   Index gain = g_.weight[at(v)];
   for (Offset k = g_.ptr[at(v)]; k < g_.ptr[at(v) + 1]; ++k) {
     const Index u = g_.adj[at(k)];
-    if (static_cast<std::size_t>(s_.side[at(u)]) == from_) gain -= g_.weight[at(u)];
+    if (at(s_.side[at(u)]) == from_) gain -= g_.weight[at(u)];
   }
   queue_.insert(v, gain);
 }
@@ -75,7 +75,7 @@ void Refiner::pull(Index u) {
   Index gain = g_.weight[at(u)];  // as in enqueue()
   for (Offset k = g_.ptr[at(u)]; k < g_.ptr[at(u) + 1]; ++k) {
     const Index w = g_.adj[at(k)];
-    const auto side = static_cast<std::size_t>(s_.side[at(w)]);
+    const auto side = at(s_.side[at(w)]);
     if (side == from_)
       gain -= g_.weight[at(w)];
     else if (side == 2 && queue_.contains(w))
@@ -91,7 +91,7 @@ void Refiner::move(Index v) {
   s_.weight[to_] += g_.weight[at(v)];
   s_.weight[2] -= g_.weight[at(v)];
   for (Offset k = g_.ptr[at(v)]; k < g_.ptr[at(v) + 1]; ++k)
-    if (static_cast<std::size_t>(s_.side[at(g_.adj[at(k)])]) == from_) pull(g_.adj[at(k)]);
+    if (at(s_.side[at(g_.adj[at(k)])]) == from_) pull(g_.adj[at(k)]);
 }
 
 void Refiner::undo_to(std::size_t moves) {
@@ -112,7 +112,7 @@ void Refiner::undo_to(std::size_t moves) {
 
 /// @return true when the score fell
 bool Refiner::pass(int to) {
-  to_ = static_cast<std::size_t>(to);
+  to_ = at(to);
   from_ = 1 - to_;
   for (const Index v : separator_) enqueue(v);
   const double start = score_of(s_.weight);

@@ -35,7 +35,7 @@ Separation separation_of(const PartGraph& g, const Bisection& b) {
       }
   const int taken = boundary[1] < boundary[0] ? 1 : 0;
   Separation s{b.side, {b.weight[0], b.weight[1], boundary[taken]}};
-  s.weight[static_cast<std::size_t>(taken)] -= boundary[taken];
+  s.weight[at(taken)] -= boundary[taken];
   for (std::size_t v = 0; v < s.side.size(); ++v)
     if (at_boundary[v] != 0 && s.side[v] == taken) s.side[v] = 2;
   return s;

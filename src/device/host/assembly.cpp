@@ -66,15 +66,14 @@ void add_entries(std::span<const plan::EntryPlace> entries, std::span<const T> v
   // The values of a tile lie scattered over the caller's array: their cache lines are asked for ahead of their use.
   constexpr std::size_t kAhead = 24;
   const auto prefetch = [&](std::size_t k) {
-    if (k + kAhead < entries.size())
-      __builtin_prefetch(&values[static_cast<std::size_t>(entries[k + kAhead].source())]);
+    if (k + kAhead < entries.size()) __builtin_prefetch(&values[at(entries[k + kAhead].source())]);
   };
   const bool square = part == EntryPart::square;
   const bool transposed = part == EntryPart::transposed;
   for (std::size_t k = 0; k < entries.size(); ++k) {
     prefetch(k);
     const plan::EntryPlace& e = entries[k];
-    const T value = values[static_cast<std::size_t>(e.source())];
+    const T value = values[at(e.source())];
     if (square)
       c[e.transposed() ? e.row() * ld + e.col() : e.col() * ld + e.row()] += value;
     else if (e.transposed() == transposed)

@@ -60,10 +60,10 @@ class DelayingFront {
   [[nodiscard]] Index eliminated() const { return done_; }
   [[nodiscard]] Index leaving() const { return failed_; }
   /// Whether the pivot (by its place at start()) was put behind the others.
-  [[nodiscard]] bool late(Index pivot) const { return late_[static_cast<std::size_t>(pivot)] != 0; }
+  [[nodiscard]] bool late(Index pivot) const { return late_[at(pivot)] != 0; }
   /// What is left, at (row, col) of the rows that were not eliminated; ldlt: row >= col.
   [[nodiscard]] Value rest(Index row, Index col) const {
-    return entry(order_[static_cast<std::size_t>(done_ + row)], order_[static_cast<std::size_t>(done_ + col)]);
+    return entry(order_[at(done_ + row)], order_[at(done_ + col)]);
   }
 
  private:

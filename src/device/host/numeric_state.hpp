@@ -78,14 +78,14 @@ struct NumericState {
         pivot_order(the_matrix.kind == Kind::llt ? 0 : the_plan.tree.n, budget),
         d_inverse(the_matrix.kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
         e_inverse(the_matrix.kind == Kind::ldlt ? the_plan.tree.n : 0, budget),
-        column_state(static_cast<std::size_t>(the_plan.tree.n), kColumnFine),
-        fronts(static_cast<std::size_t>(the_plan.fronts())),
+        column_state(at(the_plan.tree.n), kColumnFine),
+        fronts(at(the_plan.fronts())),
         tile_done(the_plan.tiles()),
         front_done(the_plan.fronts()),
-        open_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))),
+        open_tiles(std::make_unique<std::atomic<Index>[]>(at(the_plan.fronts()))),
         verdict(the_plan.fronts()),
-        open_pivot_tiles(std::make_unique<std::atomic<Index>[]>(static_cast<std::size_t>(the_plan.fronts()))),
-        begun(static_cast<std::size_t>(the_plan.fronts()), 0) {}
+        open_pivot_tiles(std::make_unique<std::atomic<Index>[]>(at(the_plan.fronts()))),
+        begun(at(the_plan.fronts()), 0) {}
   /// For a changed plan, with what `from` has made of the fronts that are kept: `keep`, by front. Without an arena as
   /// yet.
   NumericState(const plan::Plan& changed, const plan::FrontsBefore& before, std::vector<char> keep,
@@ -125,7 +125,7 @@ struct NumericState {
 
   [[nodiscard]] T* factor(Index f) { return places + plan.memory.factor[f]; }
   [[nodiscard]] T* factor2(Index f) { return places + plan.memory.factor2[f]; }
-  [[nodiscard]] bool is_kept(Index f) const { return !kept.empty() && kept[static_cast<std::size_t>(f)] != 0; }
+  [[nodiscard]] bool is_kept(Index f) const { return !kept.empty() && kept[at(f)] != 0; }
 };
 
 /// One worker's own memory.

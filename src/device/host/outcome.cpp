@@ -55,7 +55,7 @@ FactorOutcome summarize(const NumericState<T>& state, const std::vector<Workspac
   out.determinant_log = determinant.log();
   out.determinant_phase = determinant.sign() * determinant.phase();
   for (Index p = 0; p < state.plan.tree.n; ++p) {
-    const char s = state.column_state[static_cast<std::size_t>(p)];
+    const char s = state.column_state[at(p)];
     if ((s & kColumnReplaced) != 0) out.replaced.push_back(p);
     if ((s & kColumnSmall) != 0) out.small.push_back(p);
     if ((s & kRowReplaced) != 0) out.replaced_rows.push_back(p);

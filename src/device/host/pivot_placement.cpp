@@ -189,7 +189,7 @@ void Placement<Value>::take_wanted() {
       for (const Index f : members[at(roots[k])])
         if (!effort_.spent()) {
           job_.pool.check();
-          take(workers_[static_cast<std::size_t>(t)], f);
+          take(workers_[at(t)], f);
         }
   });
   for (const Index f : above)

@@ -34,8 +34,7 @@ class WhileWaiting {
 /// wait cannot deadlock.
 class Progress {
  public:
-  explicit Progress(Offset events)
-      : size_(events), flags_(std::make_unique<std::atomic<std::uint8_t>[]>(static_cast<std::size_t>(events))) {}
+  explicit Progress(Offset events) : size_(events), flags_(std::make_unique<std::atomic<std::uint8_t>[]>(at(events))) {}
 
   void reset() {
     for (Offset e = 0; e < size_; ++e) flags_[e].store(0, std::memory_order_relaxed);

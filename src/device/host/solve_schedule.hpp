@@ -43,10 +43,10 @@ class SolveSchedule {
   [[nodiscard]] const std::vector<SolveTask>& forward() const { return forward_; }
   [[nodiscard]] const std::vector<SolveTask>& backward() const { return backward_; }
   /// Tile tasks of a front that is split, 1 of others.
-  [[nodiscard]] Index tiles(Index front) const { return tiles_[static_cast<std::size_t>(front)]; }
+  [[nodiscard]] Index tiles(Index front) const { return tiles_[at(front)]; }
   /// The first row of a front's contribution: on the worker's stack where its parent is in the same range of fronts.
-  [[nodiscard]] Offset place(Index front) const { return place_[static_cast<std::size_t>(front)]; }
-  [[nodiscard]] bool on_stack(Index front) const { return on_stack_[static_cast<std::size_t>(front)] != 0; }
+  [[nodiscard]] Offset place(Index front) const { return place_[at(front)]; }
+  [[nodiscard]] bool on_stack(Index front) const { return on_stack_[at(front)] != 0; }
   [[nodiscard]] Offset contribution_rows() const { return contribution_rows_; }
   [[nodiscard]] Offset stack_rows() const { return stack_rows_; }
   [[nodiscard]] Index largest_front_rows() const { return largest_front_rows_; }  ///< padded

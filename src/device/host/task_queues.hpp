@@ -22,7 +22,7 @@ class TaskQueues {
   /// Number of the next task in plan.tasks for a worker of the device; -1: nothing is left for it.
   Offset next(Index device);
   /// Sub-trees of other devices that this one has taken since reset().
-  [[nodiscard]] Index stolen(Index device) const { return queues_[static_cast<std::size_t>(device)].stolen; }
+  [[nodiscard]] Index stolen(Index device) const { return queues_[at(device)].stolen; }
 
  private:
   /// Tasks handed out one after another: a sub-tree, or a device's part of the top. Places in order_.

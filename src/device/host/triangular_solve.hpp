@@ -50,12 +50,8 @@ class TriangularSolve {
     base::Buffer<T> stack;  // contributions inside a range of fronts
   };
 
-  [[nodiscard]] bool passes_up(Index f) const {
-    return paths_ == nullptr || paths_->up[static_cast<std::size_t>(f)] != 0;
-  }
-  [[nodiscard]] bool passes_down(Index f) const {
-    return paths_ == nullptr || paths_->down[static_cast<std::size_t>(f)] != 0;
-  }
+  [[nodiscard]] bool passes_up(Index f) const { return paths_ == nullptr || paths_->up[at(f)] != 0; }
+  [[nodiscard]] bool passes_down(Index f) const { return paths_ == nullptr || paths_->down[at(f)] != 0; }
   void run(T* x, Index nr, bool transpose, const FrontPaths* paths);
   void begin_way(bool up);
   void need(Index f) {

@@ -35,7 +35,7 @@ Workspace<T>::Workspace(const plan::Plan& plan, Kind kind, base::MemoryBudget* b
   stack = base::Buffer<T>(plan.memory.stack_size, budget);
   column = base::Buffer<T>(2 * padded<T>(widest) + kPanel<T>, budget);
   marks = base::Buffer<char>(padded<T>(widest), budget);
-  runs.reserve(static_cast<std::size_t>(3 * 2048));
+  runs.reserve(at(3 * 2048));
 }
 
 namespace {
@@ -60,7 +60,7 @@ std::vector<Offset> device_bytes(const plan::Plan& plan, Kind kind, int threads)
   const Offset of_worker = workspace_bytes<T>(largest_tile<T>(plan), kind, plan.memory.stack_size);
   std::vector<Offset> bytes;
   for (Index d = 0; d < devices; ++d)
-    bytes.push_back(plan.memory.device_size[static_cast<std::size_t>(d)] * static_cast<Offset>(sizeof(T)) +
+    bytes.push_back(plan.memory.device_size[at(d)] * static_cast<Offset>(sizeof(T)) +
                     (team_begin(d + 1, devices, threads) - team_begin(d, devices, threads)) * of_worker);
   return bytes;
 }
@@ -83,8 +83,8 @@ Offset host_bytes(const plan::Plan& plan, Kind kind, int threads, Offset arena, 
     below[f] += l.below();
     if (entries[f] <= kSolveTaskEntries) stack = std::max(stack, below[f]);
     if (const Index parent = plan.tree.parent[f]; parent >= 0) {
-      entries[static_cast<std::size_t>(parent)] += entries[f];
-      below[static_cast<std::size_t>(parent)] += below[f];
+      entries[at(parent)] += entries[f];
+      below[at(parent)] += below[f];
     }
   }
   const Offset own = workspace_bytes<T>(largest_tile<T>(plan), kind, workers_stack) +

@@ -42,7 +42,7 @@ InterfaceRows rows_of(const FlexibleBody& body, std::span<const FlexibleFrame* c
 void check_independent(const InterfaceRows& interfaces, const MatrixXd& unit_rows, std::span<const std::string> names) {
   const dense::PivotedColumns columns = dense::pivoted_columns(unit_rows.transpose(), fixed_interfaces::kDependent);
   if (columns.rank == unit_rows.rows()) return;
-  const std::string& name = names[interfaces.owner[static_cast<std::size_t>(columns.order[columns.rank])]];
+  const std::string& name = names[interfaces.owner[at(columns.order[columns.rank])]];
   throw Error(StatusCode::invalid_input,
               fmt::format("the interface '{}' moves with the others (they share nodes, or it lies between nodes that "
                           "they hold), so its motion cannot be given by itself; leave it out, or take other nodes",

@@ -231,7 +231,7 @@ std::unique_ptr<FlexibleFrame> make_face_frame(const FlexibleBody& body, const M
   double total = 0;
   for (const MeshFace& face : faces) {
     const auto nodes = mesh.face_nodes(face);
-    const auto& shape = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)];
+    const auto& shape = shape_of(mesh.type(face.element)).faces[at(face.face)];
     const double area = face_area(body, shape.type, nodes);
     total += area;
     for (const Index n : nodes) weights[n] += area / static_cast<double>(nodes.size());

@@ -32,7 +32,7 @@ Point point_at(const Point& start, const Axis& axis, double s) {
 }
 
 std::vector<Index> all_nodes(Index elements) {
-  std::vector<Index> nodes(static_cast<std::size_t>(elements) + 1);
+  std::vector<Index> nodes(at(elements) + 1);
   std::iota(nodes.begin(), nodes.end(), 0);
   return nodes;
 }
@@ -44,7 +44,7 @@ std::vector<std::unique_ptr<ElementGroup>> one(std::unique_ptr<ElementGroup> gro
 }
 
 std::vector<double> equal_lengths(const Axis& axis, Index elements) {
-  return std::vector<double>(static_cast<std::size_t>(elements), axis.length / elements);
+  return std::vector<double>(at(elements), axis.length / elements);
 }
 
 }  // namespace
@@ -73,8 +73,7 @@ std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const AxisShape& 
   }
   return std::make_unique<FlexibleBody>(
       std::move(name), 4, std::move(reference),
-      one(make_beam_group(section, all_nodes(elements),
-                          std::vector<double>(static_cast<std::size_t>(elements), axis.element_length))));
+      one(make_beam_group(section, all_nodes(elements), std::vector<double>(at(elements), axis.element_length))));
 }
 
 std::unique_ptr<FlexibleBody> make_beam_body(std::string name, const Point& start, const Point& end,

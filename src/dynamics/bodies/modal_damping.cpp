@@ -150,7 +150,7 @@ void ModalDamping::restore(ConstSpan& in) {
   in = in.subspan(1);
   const auto take = [&](double* to, Eigen::Index count) {
     std::copy_n(in.begin(), count, to);
-    in = in.subspan(static_cast<std::size_t>(count));
+    in = in.subspan(at(count));
   };
   factors_.resize(modes);
   forces_.resize(rows, modes);

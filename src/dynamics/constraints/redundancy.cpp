@@ -159,7 +159,7 @@ std::vector<DependentRow> find_dependent_rows(const SparsePattern& phi_q, ConstS
 
 std::vector<double> RedundancyGuard::scaled_rows(double t, ConstSpan q, std::vector<double>& sizes) {
   System& system = equations_.system();
-  std::vector<double> values(static_cast<std::size_t>(system.constraint_pattern().nonzeros()));
+  std::vector<double> values(at(system.constraint_pattern().nonzeros()));
   system.constraints(t, q, {}, {{}, {}, {}, values});
   const SparsePattern& p = system.constraint_pattern();
   const std::vector<char> lengths = length_coordinates(system, q);
@@ -264,13 +264,13 @@ void RedundancyGuard::check(const State& state, bool at_rest) {
   if (redundant_.empty()) return;
   System& system = equations_.system();
   const std::size_t m = state.lambda.size();
-  std::vector<double> phi(m), nu(m), values(static_cast<std::size_t>(system.constraint_pattern().nonzeros())), rate(m);
+  std::vector<double> phi(m), nu(m), values(at(system.constraint_pattern().nonzeros())), rate(m);
   system.constraints(state.t, state.q, {}, {phi, nu, {}, values});
   multiply_by_rows(system.constraint_pattern(), values, state.v, rate);
   const double speed = std::max(1.0, max_norm(state.v));
   const std::vector<double> sizes = constraint_sizes(system, state.q, values);
   for (RedundantConstraint& r : redundant_) {
-    const auto i = static_cast<std::size_t>(r.row);
+    const auto i = at(r.row);
     r.violation = std::abs(phi[i]);
     const double slip = at_rest ? 0 : std::abs(rate[i] - nu[i]) / speed;
     const double allowed = options_.inconsistency * sizes[i];

@@ -86,7 +86,7 @@ class RedundancyGuard {
 
   Equations& equations_;
   RedundancyOptions options_;
-  [[nodiscard]] bool absent(Index row) const { return !absent_.empty() && absent_[static_cast<std::size_t>(row)] != 0; }
+  [[nodiscard]] bool absent(Index row) const { return !absent_.empty() && absent_[at(row)] != 0; }
 
   std::vector<RedundantConstraint> redundant_;
   std::vector<char> absent_;  // m, or empty

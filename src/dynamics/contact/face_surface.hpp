@@ -96,7 +96,7 @@ class FaceSurface {
   [[nodiscard]] const std::string& name() const { return name_; }
   [[nodiscard]] const FlexibleBody& body() const { return *body_; }
   [[nodiscard]] const std::vector<SurfaceFace>& faces() const { return faces_; }
-  [[nodiscard]] const SurfaceFace& face(Index f) const { return faces_[static_cast<std::size_t>(f)]; }
+  [[nodiscard]] const SurfaceFace& face(Index f) const { return faces_[at(f)]; }
   void move_to(ConstSpan q, ConstSpan v);
   [[nodiscard]] const std::vector<Box>& boxes() const { return boxes_; }
   /// The tree of the boxes of the last move_to(), refitted when it is asked for.

@@ -83,7 +83,7 @@ class RigidContact final : public Contact {
     double damping = 0;
   };
 
-  static std::size_t slot(Index i) { return static_cast<std::size_t>(i); }
+  static std::size_t slot(Index i) { return at(i); }
   [[nodiscard]] bool may_touch(Index i, Index j) const;
   [[nodiscard]] BodyMotion motion_of(Index body, ConstSpan q, ConstSpan v) const;
   void move_to(ConstSpan q, ConstSpan v);
@@ -111,7 +111,7 @@ class RigidContact final : public Contact {
   [[nodiscard]] double turning_share(const StepPath& path);
   [[nodiscard]] double passing_share(const StepPath& path);
   [[nodiscard]] double passing_share(const Pair& pair, const StepPath& path) const;
-  [[nodiscard]] Index body_of(Index surface) const { return body_index_[static_cast<std::size_t>(surface)]; }
+  [[nodiscard]] Index body_of(Index surface) const { return body_index_[at(surface)]; }
   [[nodiscard]] TouchForce force_of(const Active& active, TouchTangent* tangent) const;
   void add_block(const Mat12& k, Index body_row, Index body_column, int row, int column, Span w_values) const;
 

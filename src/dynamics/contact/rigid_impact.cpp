@@ -35,7 +35,7 @@ ImpactPoint RigidContact::impact_point(const Active& active) const {
   const Mat3x12 slip = slip_of(motion.point, a, b);
   const Vec3 along = motion.normal.unitOrthogonal(), across = motion.normal.cross(along);
   for (const int side : {0, 1}) {
-    const RigidBody* body = bodies_[slot(body_of(active.pair[static_cast<std::size_t>(side)]))];
+    const RigidBody* body = bodies_[slot(body_of(active.pair[at(side)]))];
     if (body == nullptr) continue;
     const Mat3& axes = (side == 0 ? a : b).axes;
     const auto append = [&](const Vec12& row, std::vector<double>& out) {

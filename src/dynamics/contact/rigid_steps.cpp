@@ -136,7 +136,7 @@ void RigidContact::add_falling(const StateView& s, std::vector<FallingForce>& ou
     const Vec12 along = slip_of(touch_motion(active.touch, a, b).point, a, b).transpose() * (force.slip_rate / speed);
     FallingForce f{{}, {}, force.normal.force * law_.coefficient(speed).slope};
     for (const int side : {0, 1}) {
-      const RigidBody* body = bodies_[slot(body_of(active.pair[static_cast<std::size_t>(side)]))];
+      const RigidBody* body = bodies_[slot(body_of(active.pair[at(side)]))];
       if (body == nullptr) continue;
       const Vec3 turn = (side == 0 ? a : b).axes.transpose() * along.segment<3>(6 * side + 3);
       f.coordinates.insert(f.coordinates.end(), body->coordinates().begin(), body->coordinates().end());
@@ -155,7 +155,7 @@ double RigidContact::landing_damping(const Active& active) const {
   const Vec3 n = touch.flipped ? Vec3(-touch.normal) : touch.normal;
   Vec3 way = Vec3::Zero(), rate_before = Vec3::Zero(), rate = Vec3::Zero();  // of the point of B from that of A
   for (const int side : {0, 1}) {
-    const Index body = body_of(active.pair[static_cast<std::size_t>(side)]);
+    const Index body = body_of(active.pair[at(side)]);
     const double sign = side == 0 ? -1 : 1;
     const BodyMotion &now = motion_[slot(body)], then = motion_of(body, last_q_, last_v_);
     const Vec3 from = then.to_global(now.to_own(x));

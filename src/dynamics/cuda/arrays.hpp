@@ -78,9 +78,8 @@ DeviceArray<T> upload(std::span<const T> from, Gpu& gpu) {
 
 inline void copy(double* to, const double* from, Offset count, cudaMemcpyKind kind, const Gpu& gpu) {
   if (count == 0) return;
-  call("cudaMemcpyAsync", [&] {
-    return cudaMemcpyAsync(to, from, static_cast<std::size_t>(count) * sizeof(double), kind, gpu.stream.get());
-  });
+  call("cudaMemcpyAsync",
+       [&] { return cudaMemcpyAsync(to, from, at(count) * sizeof(double), kind, gpu.stream.get()); });
 }
 
 inline unsigned blocks_for(Offset threads, int each) { return static_cast<unsigned>((threads + each - 1) / each); }

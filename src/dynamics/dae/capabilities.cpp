@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 std::vector<double> memory_of(const Component& component) {
@@ -14,9 +16,9 @@ OwnCoordinates::OwnCoordinates(const Component& component)
     : component_(&component),
       curved_(dynamic_cast<const Curved*>(&component)),
       scaled_(dynamic_cast<const Scaled*>(&component)),
-      q_(static_cast<std::size_t>(component.placement().q)),
-      v_(static_cast<std::size_t>(component.placement().v)),
-      count_(static_cast<std::size_t>(component.sizes().velocity)) {}
+      q_(at(component.placement().q)),
+      v_(at(component.placement().v)),
+      count_(at(component.sizes().velocity)) {}
 
 void OwnCoordinates::retract(ConstSpan q, ConstSpan dq, Span q_out) const {
   if (curved_ != nullptr) return curved_->retract(q, dq, q_out);

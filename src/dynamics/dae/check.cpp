@@ -14,8 +14,8 @@ class Checker {
         s_(s),
         n_(s.v.size()),
         m_(s.lambda.size()),
-        w_(static_cast<std::size_t>(system.tangent_pattern().nonzeros())),
-        phi_q_(static_cast<std::size_t>(system.constraint_pattern().nonzeros())) {}
+        w_(at(system.tangent_pattern().nonzeros())),
+        phi_q_(at(system.constraint_pattern().nonzeros())) {}
 
   JacobianCheck run() {
     result_.f_a = tangent({1, 0, 0}, "F_a", &State::a);
@@ -71,8 +71,8 @@ class Checker {
       const double step = kStep * std::max(1.0, x);
       const std::vector<double> plus = residual(moved(part, j, step)), minus = residual(moved(part, j, -step));
       std::vector<double> column(n_, 0.0);
-      for (auto k = static_cast<std::size_t>(p.ptr[j]); k < static_cast<std::size_t>(p.ptr[j + 1]); ++k) {
-        column[static_cast<std::size_t>(p.ind[k])] = w_[k];
+      for (auto k = at(p.ptr[j]); k < at(p.ptr[j + 1]); ++k) {
+        column[at(p.ind[k])] = w_[k];
       }
       for (std::size_t i = 0; i < n_; ++i) {
         const double value = (plus[i] - minus[i]) / (2 * step);
@@ -96,14 +96,12 @@ class Checker {
     system_.constraints(s_.t, s_.q, {}, {{}, {}, {}, phi_q_});
     const SparsePattern& p = system_.constraint_pattern();
     for (std::size_t r = 0; r < m_; ++r)
-      for (auto k = static_cast<std::size_t>(p.ptr[r]); k < static_cast<std::size_t>(p.ptr[r + 1]); ++k)
-        dense[r * n_ + static_cast<std::size_t>(p.ind[k])] = phi_q_[k];
+      for (auto k = at(p.ptr[r]); k < at(p.ptr[r + 1]); ++k) dense[r * n_ + at(p.ind[k])] = phi_q_[k];
     if (const SparsePattern* more = system_.multiplier_pattern()) {
-      std::vector<double> values(static_cast<std::size_t>(more->nonzeros()));
+      std::vector<double> values(at(more->nonzeros()));
       system_.multiplier_tangent(s_.view(), values);
       for (std::size_t r = 0; r < m_; ++r)
-        for (auto k = static_cast<std::size_t>(more->ptr[r]); k < static_cast<std::size_t>(more->ptr[r + 1]); ++k)
-          dense[r * n_ + static_cast<std::size_t>(more->ind[k])] += values[k];
+        for (auto k = at(more->ptr[r]); k < at(more->ptr[r + 1]); ++k) dense[r * n_ + at(more->ind[k])] += values[k];
     }
     const double size = std::max(1.0, max_norm(dense));
     for (std::size_t r = 0; r < m_; ++r) {
@@ -127,8 +125,8 @@ class Checker {
     system_.constraints(s_.t, s_.q, {}, {{}, {}, {}, phi_q_});
     std::vector<double> dense(m_ * n_, 0.0), plus(m_), minus(m_);
     for (std::size_t i = 0; i < m_; ++i) {
-      for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k) {
-        dense[i * n_ + static_cast<std::size_t>(p.ind[k])] = phi_q_[k];
+      for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) {
+        dense[i * n_ + at(p.ind[k])] = phi_q_[k];
       }
     }
     const double size = std::max(1.0, max_norm(dense));

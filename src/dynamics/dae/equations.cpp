@@ -35,8 +35,8 @@ bool Equations::update_pattern() {
   if (have_pattern_ && version_ == system_.pattern_version()) return false;
   leave_device();
   sizes_ = system_.sizes();
-  const auto n = static_cast<std::size_t>(sizes_.velocity);
-  const auto m = static_cast<std::size_t>(sizes_.constraints);
+  const auto n = at(sizes_.velocity);
+  const auto m = at(sizes_.constraints);
   if (system_.tangent_pattern().cols != sizes_.velocity || system_.constraint_pattern().rows != sizes_.constraints) {
     throw std::logic_error("the patterns of the system do not fit its sizes (was finish() called?)");
   }
@@ -48,7 +48,7 @@ bool Equations::update_pattern() {
   gamma_.assign(m, 0.0);
   work_m_.assign(m, 0.0);
   work_n_.assign(n, 0.0);
-  phi_q_.assign(static_cast<std::size_t>(system_.constraint_pattern().nonzeros()), 0.0);
+  phi_q_.assign(at(system_.constraint_pattern().nonzeros()), 0.0);
   version_ = system_.pattern_version();
   have_pattern_ = true;
   first_factorization_ = true;
@@ -88,10 +88,9 @@ void Equations::evaluate_gamma(double t, ConstSpan q, ConstSpan v) {
 void Equations::set_slip(ConstSpan rate, double time) {
   const SparsePattern& p = system_.constraint_pattern();
   for (const Index row : system_.non_holonomic()) {
-    const auto i = static_cast<std::size_t>(row);
+    const auto i = at(row);
     double sum = -nu_[i];
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
-      sum += phi_q_[k] * rate[static_cast<std::size_t>(p.ind[k])];
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) sum += phi_q_[k] * rate[at(p.ind[k])];
     phi_[i] = dropped_[i] ? 0 : sum * time;
   }
 }
@@ -124,7 +123,7 @@ void Equations::motion_there(const StateView& s, const StateView& there, Span f,
   if (!phi_.empty()) add_transposed(system_.constraint_pattern(), phi_q_, s.lambda, f);
   const std::vector<Index>& seen = device_share()->seen;
   std::vector<double> part(seen.size());
-  for (std::size_t k = 0; k < part.size(); ++k) part[k] = f[static_cast<std::size_t>(seen[k])];
+  for (std::size_t k = 0; k < part.size(); ++k) part[k] = f[at(seen[k])];
   motion_->add(DeviceMotion::List::seen, part, f_there);
 }
 

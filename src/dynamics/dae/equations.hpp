@@ -18,10 +18,7 @@ struct State {
   std::vector<double> q, v, a, lambda;
   State() = default;
   explicit State(const Sizes& s)
-      : q(static_cast<std::size_t>(s.configuration)),
-        v(static_cast<std::size_t>(s.velocity)),
-        a(static_cast<std::size_t>(s.velocity)),
-        lambda(static_cast<std::size_t>(s.constraints)) {}
+      : q(at(s.configuration)), v(at(s.velocity)), a(at(s.velocity)), lambda(at(s.constraints)) {}
   [[nodiscard]] StateView view() const { return {t, q, v, a, lambda}; }
 };
 

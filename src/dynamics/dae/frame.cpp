@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 void Frame::wrench_stiffness(ConstSpan /*q*/, const Vec6& /*wrench*/, double /*scale*/, double* /*k*/) const {}
@@ -24,7 +26,7 @@ void Frame::project(ConstSpan q, const FrameMotion& /*motion*/, const double* c,
   const std::size_t nd = coordinates().size();
   std::vector<double> j(6 * nd);
   jacobian(q, j.data());
-  for (std::size_t r = 0; r < static_cast<std::size_t>(count); ++r) {
+  for (std::size_t r = 0; r < at(count); ++r) {
     for (std::size_t k = 0; k < nd; ++k) {
       double sum = 0;
       for (std::size_t i = 0; i < 6; ++i) sum += c[6 * r + i] * j[6 * k + i];

@@ -74,7 +74,7 @@ SparsePattern pattern_of(const std::vector<std::pair<Index, Index>>& entries, In
 
 /// The rows of every column of a pattern.
 std::vector<std::vector<Index>> columns_of(const SparsePattern& p, bool by_columns) {
-  std::vector<std::vector<Index>> result(static_cast<std::size_t>(p.cols));
+  std::vector<std::vector<Index>> result(at(p.cols));
   for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
     for (Offset k = p.ptr[line]; k < p.ptr[line + 1]; ++k) {
       const Index other = p.ind[at(k)];
@@ -89,8 +89,8 @@ std::vector<std::vector<Index>> columns_of(const SparsePattern& p, bool by_colum
 /// y += A x (or A^T x where `transposed`) with the values of a pattern by lines.
 void multiply_lines(const SparsePattern& p, ConstSpan values, ConstSpan x, bool transposed, Span y) {
   for (std::size_t line = 0; line + 1 < p.ptr.size(); ++line)
-    for (auto k = static_cast<std::size_t>(p.ptr[line]); k < static_cast<std::size_t>(p.ptr[line + 1]); ++k) {
-      const auto other = static_cast<std::size_t>(p.ind[k]);
+    for (auto k = at(p.ptr[line]); k < at(p.ptr[line + 1]); ++k) {
+      const auto other = at(p.ind[k]);
       if (transposed)
         y[other] += values[k] * x[line];
       else
@@ -102,8 +102,8 @@ void multiply_lines(const SparsePattern& p, ConstSpan values, ConstSpan x, bool 
 
 std::vector<std::vector<Index>> independent_columns(const std::vector<std::vector<Index>>& lines, Index rows) {
   std::vector<std::vector<Index>> groups;
-  std::vector<std::vector<std::size_t>> used(static_cast<std::size_t>(rows));  // groups that have an entry in a row
-  std::vector<std::size_t> taken;                                              // by group: the last column that met it
+  std::vector<std::vector<std::size_t>> used(at(rows));  // groups that have an entry in a row
+  std::vector<std::size_t> taken;                        // by group: the last column that met it
   for (std::size_t column = 0; column < lines.size(); ++column) {
     if (lines[column].empty()) continue;
     for (const Index row : lines[column])
@@ -125,7 +125,7 @@ FunctionSystem::FunctionSystem(DaeFunctions functions) : f_(std::move(functions)
   if (f_.constraints < 0) throw std::invalid_argument("the number of constraints is negative");
   if (!f_.residual && !(f_.mass && f_.force)) throw std::invalid_argument("give `residual`, or `mass` and `force`");
   if (f_.constraints > 0 && !f_.constraint) throw std::invalid_argument("`constraint` is missing");
-  if (!f_.constraint_names.empty() && f_.constraint_names.size() != static_cast<std::size_t>(f_.constraints))
+  if (!f_.constraint_names.empty() && f_.constraint_names.size() != at(f_.constraints))
     throw std::invalid_argument(
         fmt::format("{} constraint names for {} constraints", f_.constraint_names.size(), f_.constraints));
   const Index n = f_.coordinates, m = f_.constraints;
@@ -133,18 +133,18 @@ FunctionSystem::FunctionSystem(DaeFunctions functions) : f_(std::move(functions)
   phi_q_pattern_ = pattern_of(f_.constraint_pattern, m, n, false, "constraint_pattern");
   if (!f_.tangent) w_groups_ = independent_columns(columns_of(w_pattern_, true), n);
   if (!f_.constraint_jacobian) phi_q_groups_ = independent_columns(columns_of(phi_q_pattern_, false), m);
-  mass_.resize(static_cast<std::size_t>(w_pattern_.nonzeros()));
-  phi_q_shifted_.resize(static_cast<std::size_t>(phi_q_pattern_.nonzeros()));
-  steps_.assign(static_cast<std::size_t>(n), 0.0);
-  phi_q_columns_.resize(static_cast<std::size_t>(n));
-  for (std::size_t i = 0; i < static_cast<std::size_t>(m); ++i)
+  mass_.resize(at(w_pattern_.nonzeros()));
+  phi_q_shifted_.resize(at(phi_q_pattern_.nonzeros()));
+  steps_.assign(at(n), 0.0);
+  phi_q_columns_.resize(at(n));
+  for (std::size_t i = 0; i < at(m); ++i)
     for (Offset k = phi_q_pattern_.ptr[i]; k < phi_q_pattern_.ptr[i + 1]; ++k)
-      phi_q_columns_[at(phi_q_pattern_.ind[at(k)])].emplace_back(i, static_cast<std::size_t>(k));
-  shifted_.resize(static_cast<std::size_t>(n));
+      phi_q_columns_[at(phi_q_pattern_.ind[at(k)])].emplace_back(i, at(k));
+  shifted_.resize(at(n));
 }
 
 std::string FunctionSystem::constraint_name(Index row) const {
-  const auto i = static_cast<std::size_t>(row);
+  const auto i = at(row);
   return i < f_.constraint_names.size() ? "\"" + f_.constraint_names[i] + "\"" : System::constraint_name(row);
 }
 
@@ -177,7 +177,7 @@ void FunctionSystem::phi_q(double t, ConstSpan q, Span values) {
 }
 
 void FunctionSystem::constraint_at(double t, ConstSpan q, std::vector<double>& phi) const {
-  phi.assign(static_cast<std::size_t>(f_.constraints), 0.0);
+  phi.assign(at(f_.constraints), 0.0);
   f_.constraint(t, q, phi);
 }
 
@@ -189,7 +189,7 @@ void FunctionSystem::phi_q_by_differences(double t, ConstSpan q, Span values) {
     for (std::vector<Index> open = group, again; !open.empty(); open.swap(again), again.clear()) {
       for (std::size_t k = 0; k < 6; ++k) {
         for (const Index column : open) {
-          const auto j = static_cast<std::size_t>(column);
+          const auto j = at(column);
           if (steps_[j] == 0) steps_[j] = kLongestStep * size_of(j);
           moved[j] = q[j] + kPlaces[k] * steps_[j];
         }
@@ -197,7 +197,7 @@ void FunctionSystem::phi_q_by_differences(double t, ConstSpan q, Span values) {
         for (const Index column : open) moved[at(column)] = q[at(column)];
       }
       for (const Index column : open) {
-        const auto j = static_cast<std::size_t>(column);
+        const auto j = at(column);
         double apart = 0, size = 0;
         for (const auto& [row, k] : phi_q_columns_[j]) {
           const Slopes d = slopes(samples_, row, steps_[j]);
@@ -299,11 +299,10 @@ void FunctionSystem::tangent_by_differences(const StateView& s, const TangentWei
       full_residual(moved, minus);
       move(0);
       for (const Index j : group) {
-        const auto column = static_cast<std::size_t>(j);
+        const auto column = at(j);
         const double scale = weight / (2 * difference_step(x0[column]));
-        for (auto k = static_cast<std::size_t>(w_pattern_.ptr[column]);
-             k < static_cast<std::size_t>(w_pattern_.ptr[column + 1]); ++k) {
-          const auto i = static_cast<std::size_t>(w_pattern_.ind[k]);
+        for (auto k = at(w_pattern_.ptr[column]); k < at(w_pattern_.ptr[column + 1]); ++k) {
+          const auto i = at(w_pattern_.ind[k]);
           w_values[k] += scale * (plus[i] - minus[i]);
         }
       }

@@ -22,7 +22,7 @@ Offset find_entry(const SparsePattern& pattern, Index major, Index minor) {
 }
 
 PatternBuilder::PatternBuilder(Index rows, Index cols, bool by_columns)
-    : rows_(rows), cols_(cols), by_columns_(by_columns), lists_(static_cast<std::size_t>(by_columns ? cols : rows)) {}
+    : rows_(rows), cols_(cols), by_columns_(by_columns), lists_(at(by_columns ? cols : rows)) {}
 
 void PatternBuilder::add(Index row, Index col) {
   if (row < 0 || col < 0) return;
@@ -78,10 +78,9 @@ std::span<const Index> PatternBuilder::vertices_of(Index major) const {
                                       [](Index column, const VertexPairs& p) { return column < p.first; });
   if (after == pairs_.begin()) return {};
   const VertexPairs& p = *(after - 1);
-  const auto vertex = static_cast<std::size_t>(major - p.first) / 3;
+  const auto vertex = at(major - p.first) / 3;
   if (vertex + 1 >= p.ptr.size()) return {};
-  return p.ind.subspan(static_cast<std::size_t>(p.ptr[vertex]),
-                       static_cast<std::size_t>(p.ptr[vertex + 1] - p.ptr[vertex]));
+  return p.ind.subspan(at(p.ptr[vertex]), at(p.ptr[vertex + 1] - p.ptr[vertex]));
 }
 
 // out := the minor indices of a major one, sorted and unique. @param blocks  all, by their columns
@@ -125,14 +124,14 @@ SparsePattern PatternBuilder::build(base::ThreadPool* pool) const {
       std::vector<Index> line;
       for (std::int64_t k = begin; k < end; ++k) {
         collect(static_cast<Index>(k), blocks, line);
-        body(static_cast<std::size_t>(k), line);
+        body(at(k), line);
       }
     });
   };
   SparsePattern p{rows_, cols_, std::vector<Offset>(lists_.size() + 1, 0), {}};
   for_lines([&](std::size_t k, const std::vector<Index>& line) { p.ptr[k + 1] = static_cast<Offset>(line.size()); });
   for (std::size_t k = 0; k < lists_.size(); ++k) p.ptr[k + 1] += p.ptr[k];
-  p.ind.resize(static_cast<std::size_t>(p.ptr.back()));
+  p.ind.resize(at(p.ptr.back()));
   for_lines([&](std::size_t k, const std::vector<Index>& line) {
     std::copy(line.begin(), line.end(), p.ind.begin() + p.ptr[k]);
   });

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdint>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 #include "dynamics/dae/system.hpp"
 
@@ -22,8 +23,8 @@ void for_each_row_range(const SparsePattern& p, base::ThreadPool* pool, const Bo
   base::for_each(threads == 1 ? nullptr : pool, ranges, [&](std::int64_t range) {
     const std::int64_t first = range * each, last = std::min<std::int64_t>(first + each, p.rows);
     for (Index column = 0; column < p.cols; ++column) {
-      const auto begin = p.ind.begin() + p.ptr[static_cast<std::size_t>(column)];
-      const auto end = p.ind.begin() + p.ptr[static_cast<std::size_t>(column) + 1];
+      const auto begin = p.ind.begin() + p.ptr[at(column)];
+      const auto end = p.ind.begin() + p.ptr[at(column) + 1];
       if (begin == end || *begin >= last || *(end - 1) < first) continue;
       const auto from = std::lower_bound(begin, end, first), to = std::lower_bound(from, end, last);
       if (from != to) body(column, from - p.ind.begin(), to - p.ind.begin());

@@ -111,7 +111,7 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
 }
 
 void TurnedFactor::solve(Span b, Index columns, const Solve& solve, base::ThreadPool* pool) const {
-  const auto size = static_cast<std::size_t>(g_.rows());
+  const auto size = at(g_.rows());
   const std::size_t k = 2 * kept_.size();
   for (std::size_t c = 0; c < at(columns); ++c) rotate(b.subspan(c * size, size), true, pool);
   solve(b, columns);

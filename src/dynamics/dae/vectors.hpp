@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/parallel.hpp"
 
 namespace espalier::dynamics {
@@ -24,9 +25,7 @@ template <class Body>
 void for_each_block(base::ThreadPool* pool, std::size_t n, const Body& body) {
   const auto length = static_cast<std::int64_t>(n);
   base::for_each_range(length < kLongVector ? nullptr : pool, length, kVectorBlock,
-                       [&](std::int64_t begin, std::int64_t end) {
-                         body(static_cast<std::size_t>(begin), static_cast<std::size_t>(end));
-                       });
+                       [&](std::int64_t begin, std::int64_t end) { body(at(begin), at(end)); });
 }
 
 /// body(i) for each i in [0, n), in any order.
@@ -42,7 +41,7 @@ void for_each_entry(base::ThreadPool* pool, std::size_t n, const Body& body) {
 template <class Result, class Partial, class Combine>
 [[nodiscard]] Result reduce_blocks(base::ThreadPool* pool, std::size_t n, const Partial& part, const Combine& combine) {
   Result all{};
-  if (n <= static_cast<std::size_t>(kVectorBlock)) {
+  if (n <= at(kVectorBlock)) {
     combine(all, part(std::size_t{0}, n));
     return all;
   }

@@ -87,7 +87,7 @@ class DividedBody final : public DeviceBody {
   void for_each_of(const std::vector<Index>& list, const Use& use) const {
     constexpr std::int64_t kVertices = 4096;  // some ten microseconds
     base::for_each_range(pool_, std::ssize(list), kVertices, [&](std::int64_t begin, std::int64_t end) {
-      for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) use(k, at(list[k]));
+      for (auto k = at(begin); k < at(end); ++k) use(k, at(list[k]));
     });
   }
 

@@ -35,8 +35,7 @@ struct BlockTarget {
   const Offset* column_start;
   const std::int32_t* shift;
   [[nodiscard]] double* place(Index column, Offset entry, int j) const {
-    return values + column_start[3 * static_cast<std::size_t>(column) + static_cast<std::size_t>(j)] +
-           shift[3 * static_cast<std::size_t>(entry) + static_cast<std::size_t>(j)];
+    return values + column_start[3 * at(column) + at(j)] + shift[3 * at(entry) + at(j)];
   }
 };
 
@@ -114,9 +113,7 @@ class ElementAssembly {
     [[nodiscard]] Index count() const { return static_cast<Index>(vertex.size()) / layout.vertices(); }
     /// The marks of its own elements, of those of all.
     [[nodiscard]] std::span<const char> part_of(std::span<const char> failed) const {
-      return failed.empty()
-                 ? failed
-                 : failed.subspan(static_cast<std::size_t>(first_element), static_cast<std::size_t>(count()));
+      return failed.empty() ? failed : failed.subspan(at(first_element), at(count()));
     }
   };
   struct Evaluation;

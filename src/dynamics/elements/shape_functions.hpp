@@ -5,6 +5,7 @@
 #include <array>
 #include <span>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/element_type.hpp"
 
 namespace espalier::dynamics {
@@ -53,7 +54,7 @@ ShapeTable<kNodes, kMaxPoints> make_shape_table(ElementType type, std::span<cons
   ShapeTable<kNodes, kMaxPoints> table;
   table.points = static_cast<int>(rule.size());
   for (int q = 0; q < table.points; ++q) {
-    const QuadraturePoint& point = rule[static_cast<std::size_t>(q)];
+    const QuadraturePoint& point = rule[at(q)];
     table.weight[q] = point.weight;
     shape_values(type, point.xi.data(), table.value[q]);
     shape_gradients(type, point.xi.data(), &table.gradient[q][0][0]);

@@ -23,16 +23,16 @@ struct SampledShapeFunctions {
   int nodes;
   std::vector<double> weight, value, gradient;  // of each point: 1, nodes and 3 * nodes numbers
   SampledShapeFunctions(ElementType type, std::span<const QuadraturePoint> points) : nodes(shape_of(type).nodes) {
-    value.resize(points.size() * static_cast<std::size_t>(nodes));
+    value.resize(points.size() * at(nodes));
     gradient.resize(3 * value.size());
     for (const QuadraturePoint& point : points) {
-      shape_values(type, point.xi.data(), &value[weight.size() * static_cast<std::size_t>(nodes)]);
-      shape_gradients(type, point.xi.data(), &gradient[3 * weight.size() * static_cast<std::size_t>(nodes)]);
+      shape_values(type, point.xi.data(), &value[weight.size() * at(nodes)]);
+      shape_gradients(type, point.xi.data(), &gradient[3 * weight.size() * at(nodes)]);
       weight.push_back(point.weight);
     }
   }
   [[nodiscard]] double jacobian(std::size_t q, const double* reference) const {
-    const double* dn = &gradient[3 * q * static_cast<std::size_t>(nodes)];
+    const double* dn = &gradient[3 * q * at(nodes)];
     Mat33 jacobian = {};
     for (int a = 0; a < nodes; ++a)
       for (int i = 0; i < 3; ++i)
@@ -94,7 +94,7 @@ bool sample_solid(ElementType type, const double* reference, const double* posit
                                  : where == SamplePoints::wedge    ? ElementType::wedge6
                                                                    : type,
                                  Rule::stiffness);
-  const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
+  const auto nodes = at(shape_of(type).nodes);
   for (std::size_t q = 0; q < points.size(); ++q) {
     double dn[3 * kMaxElementNodes];
     shape_gradients(type, points[q].xi.data(), dn);
@@ -125,7 +125,7 @@ void solid_mass(ElementType type, double density, const double* reference, doubl
   std::fill(m, m + nodes * nodes, 0.0);
   for (std::size_t q = 0; q < shape.weight.size(); ++q) {
     const double volume = shape.weight[q] * shape.jacobian(q, reference);
-    const double* n = &shape.value[q * static_cast<std::size_t>(nodes)];
+    const double* n = &shape.value[q * at(nodes)];
     for (int b = 0; b < nodes; ++b)
       for (int a = 0; a < nodes; ++a) m[b * nodes + a] += density * volume * n[a] * n[b];
   }

@@ -32,7 +32,7 @@ class LoadedMaterial final : public PressedFaces {
       for (std::size_t b = 0; b < n; ++b) {
         loaded[at(nodes[b])] = 1;
         const double volume = std::accumulate(m + b * n, m + (b + 1) * n, 0.0);
-        for (int i = 0; i < 3; ++i) constant[3 * at(nodes[b]) + static_cast<std::size_t>(i)] += volume * force[i];
+        for (int i = 0; i < 3; ++i) constant[3 * at(nodes[b]) + at(i)] += volume * force[i];
         if (spins())
           for (std::size_t a = 0; a < n; ++a) mass[at(pattern.entry(nodes[a], nodes[b]))] += density * m[b * n + a];
       }
@@ -84,8 +84,7 @@ class LoadedMaterial final : public PressedFaces {
     for (std::size_t k = 0; k < pairs_.size(); ++k)
       for (int j = 0; j < 3; ++j)
         for (int i = 0; i < 3; ++i)
-          w_values[at(entries_[3 * k + static_cast<std::size_t>(j)]) + static_cast<std::size_t>(i)] -=
-              scale * pairs_[k].mass * of_spin_(i, j);
+          w_values[at(entries_[3 * k + at(j)]) + at(i)] -= scale * pairs_[k].mass * of_spin_(i, j);
   }
 
  private:

@@ -28,7 +28,7 @@ class CableForce final : public Component, public Switching {
   void set_active(bool active) { active_ = active; }
   [[nodiscard]] bool active() const { return active_; }
   [[nodiscard]] int frames() const { return static_cast<int>(frames_.size()); }
-  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(static_cast<std::size_t>(f)); }
+  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(at(f)); }
   /// Force on the origin of a frame, global axes.
   [[nodiscard]] Vec3 applied(const StateView& s, int f) const;
 

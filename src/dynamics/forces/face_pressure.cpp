@@ -31,7 +31,7 @@ void FacePressure::residual(const StateView& s, Span f) {
   const double p = function()->value(s);
   const std::vector<double> unit = slope(s.q);
   const std::vector<Index>& rows = faces_->rows();
-  for (std::size_t i = 0; i < rows.size(); ++i) f[static_cast<std::size_t>(rows[i])] += p * unit[i];
+  for (std::size_t i = 0; i < rows.size(); ++i) f[at(rows[i])] += p * unit[i];
 }
 
 void FacePressure::tangent(const StateView& s, const TangentWeights& weights, Span w_values) {

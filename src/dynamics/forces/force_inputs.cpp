@@ -16,7 +16,7 @@ void add_outer(const std::vector<Offset>& position, ConstSpan rows, ConstSpan co
   std::size_t e = 0;
   for (const double c : columns)
     for (const double r : rows) {
-      if (position[e] >= 0) values[static_cast<std::size_t>(position[e])] += r * c;
+      if (position[e] >= 0) values[at(position[e])] += r * c;
       ++e;
     }
 }

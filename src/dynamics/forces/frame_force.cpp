@@ -63,7 +63,7 @@ void FrameForce::residual(const StateView& s, Span f) {
   std::size_t i = 0;
   for (const auto& frame : frames_) {
     for (const Index c : frame->coordinates()) {
-      if (c >= 0) f[static_cast<std::size_t>(c)] += own[i];
+      if (c >= 0) f[at(c)] += own[i];
       ++i;
     }
   }

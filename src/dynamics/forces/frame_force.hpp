@@ -29,7 +29,7 @@ class FrameForce : public Component, public Switching, public ReadsMultipliers {
   /// A force that is switched off is zero; it keeps its place in the tangent.
   void set_active(bool active) { active_ = active; }
   [[nodiscard]] bool active() const { return active_; }
-  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(static_cast<std::size_t>(f)); }
+  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(at(f)); }
 
   [[nodiscard]] Sizes sizes() const override { return {}; }
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;

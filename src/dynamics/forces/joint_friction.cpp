@@ -112,9 +112,9 @@ class LoadFunction final : public StateFunction {
     const Vec3 f = force_->derivatives(s, df), m = moment_->derivatives(s, dm), z = axis(s);
     const WeightedNorm force(f, z, load_.radial, load_.axial), moment(m, z, load_.bending, load_.torsion);
     for (Eigen::Index i = 0; i < df.q.cols(); ++i)
-      out.q[static_cast<std::size_t>(i)] += force.by_x.dot(df.q.col(i)) + moment.by_x.dot(dm.q.col(i));
+      out.q[at(i)] += force.by_x.dot(df.q.col(i)) + moment.by_x.dot(dm.q.col(i));
     for (Eigen::Index i = 0; i < df.lambda.cols(); ++i)
-      out.lambda[static_cast<std::size_t>(i)] += force.by_x.dot(df.lambda.col(i)) + moment.by_x.dot(dm.lambda.col(i));
+      out.lambda[at(i)] += force.by_x.dot(df.lambda.col(i)) + moment.by_x.dot(dm.lambda.col(i));
     // dz = dphi_A x z
     const Vec3 by_turn = z.cross(force.by_z + moment.by_z);
     std::vector<double> j(6 * a_.coordinates().size());
@@ -160,7 +160,7 @@ class RowLoadFunction final : public StateFunction {
   }
 
  private:
-  [[nodiscard]] double lambda(const StateView& s) const { return s.lambda[static_cast<std::size_t>(multipliers_[0])]; }
+  [[nodiscard]] double lambda(const StateView& s) const { return s.lambda[at(multipliers_[0])]; }
   double factor_, preload_;
 };
 

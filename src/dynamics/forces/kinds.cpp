@@ -120,8 +120,8 @@ class Load final : public FrameForce {
   };
   [[nodiscard]] Wrench parts(const Pair& p) const {
     const auto part = [&](int k, double otherwise) {
-      const int input = law_.input.at(static_cast<std::size_t>(k));
-      return input < 0 ? otherwise : p.inputs.at(static_cast<std::size_t>(input));
+      const int input = law_.input.at(at(k));
+      return input < 0 ? otherwise : p.inputs.at(at(input));
     };
     Wrench x{law_.force, law_.moment, 0};
     for (int i = 0; i < 3; ++i) {
@@ -155,8 +155,8 @@ class Load final : public FrameForce {
     const Wrench x = parts(p);
     Vec3 force = Vec3::Zero(), moment = Vec3::Zero();
     for (int k = 0; k < 3; ++k) {
-      if (law_.input.at(static_cast<std::size_t>(k)) == static_cast<int>(i)) force[k] = 1;
-      if (law_.input.at(static_cast<std::size_t>(3 + k)) == static_cast<int>(i)) moment[k] = 1;
+      if (law_.input.at(at(k)) == static_cast<int>(i)) force[k] = 1;
+      if (law_.input.at(at(3 + k)) == static_cast<int>(i)) moment[k] = 1;
     }
     Vec12 w = x.factor * wrench(p, force, moment);
     if (law_.input[6] == static_cast<int>(i))

@@ -53,7 +53,7 @@ void GeneralizedAlpha::fit(double h) {
   equations_.evaluate_constraints(state_.t, state_.q, {});
   fill_zero(equations_.pool(), rhs_);
   equations_.level(work_, {}, Span(rhs_).subspan(n));
-  for (const Index row : equations_.system().non_holonomic()) rhs_[n + static_cast<std::size_t>(row)] = 0;  // exact
+  for (const Index row : equations_.system().non_holonomic()) rhs_[n + at(row)] = 0;  // exact
   equations_.solve(rhs_, 1, 1);
   for_coordinates([&](std::size_t i) { v_from_[i] += rhs_[i]; });
 }

@@ -28,15 +28,15 @@ BdfIntegrator::BdfIntegrator(Equations& equations, const BdfOptions& options)
     throw std::invalid_argument("fixed_order must be 0 to 5");
   }
   if (!(options.relative >= 0) || !(options.absolute > 0)) throw std::invalid_argument("tolerances must be positive");
-  if (options.budget.given() && options.budget.lengths.size() != static_cast<std::size_t>(equations.sizes().velocity))
+  if (options.budget.given() && options.budget.lengths.size() != at(equations.sizes().velocity))
     throw std::invalid_argument("a budget needs to know of each coordinate what it is");
   if (options_.absolute_velocity <= 0) options_.absolute_velocity = options_.absolute;
   allocate();
 }
 
 void BdfIntegrator::allocate() {
-  const auto n = static_cast<std::size_t>(equations_.sizes().velocity);
-  const auto m = static_cast<std::size_t>(equations_.sizes().constraints);
+  const auto n = at(equations_.sizes().velocity);
+  const auto m = at(equations_.sizes().constraints);
   state_ = trial_ = State(equations_.sizes());
   for (auto* x : {&theta_, &theta_hat_, &v_hat_, &weight_q_, &weight_v_, &r1_, &r2_, &dq_, &dv_, &f_, &work_n_}) {
     x->assign(n, 0.0);

@@ -100,7 +100,7 @@ void BdfIntegrator::error_weights_there() {
   for (const OwnCoordinates& c : share().owners) c.magnitude(state_.q, weight_q_);
   size_q_ = size_q_there_;
   for (const Index k : share().own) {
-    const auto i = static_cast<std::size_t>(k);
+    const auto i = at(k);
     const double size = weight_q_[i];
     size_q_ = std::max(size_q_, size);
     weight_q_[i] = 1 / tolerance_of_position(i, size);

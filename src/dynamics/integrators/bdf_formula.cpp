@@ -16,7 +16,7 @@ void BdfIntegrator::set_formula(double h, int order) {
   formula_.hp = 1 / w[0];
   for (double& weight : w) weight *= -formula_.hp;
   combine_past({.to_theta = &MotionArrays::theta_hat, .to_v = &MotionArrays::v_hat},
-               ConstSpan(w).subspan(1, static_cast<std::size_t>(order)));
+               ConstSpan(w).subspan(1, at(order)));
 }
 
 // The weights belong to the newest points.
@@ -45,14 +45,13 @@ void BdfIntegrator::predict() {
   std::array<double, kMaxBdfOrder + 2> w{};
   const int points = std::min(formula_.order + 1, history_.size());
   value_weights(formula_.t, history_.times(points), w);
-  combine_past({.to_theta = &MotionArrays::theta, .to_v = &MotionArrays::v},
-               ConstSpan(w).first(static_cast<std::size_t>(points)));
+  combine_past({.to_theta = &MotionArrays::theta, .to_v = &MotionArrays::v}, ConstSpan(w).first(at(points)));
   const int lambda_points = std::min(points, 3);
   value_weights(formula_.t, history_.times(lambda_points), w);
   std::fill(trial_.lambda.begin(), trial_.lambda.end(), 0.0);
   for (int j = 0; j < lambda_points; ++j) {
     const ConstSpan lambda = history_.lambda(j);
-    for (std::size_t i = 0; i < lambda.size(); ++i) trial_.lambda[i] += w[static_cast<std::size_t>(j)] * lambda[i];
+    for (std::size_t i = 0; i < lambda.size(); ++i) trial_.lambda[i] += w[at(j)] * lambda[i];
   }
   trial_.t = formula_.t;
   run(FormulaAcceleration{formula_.hp});
@@ -116,8 +115,8 @@ void BdfIntegrator::measure_constraints() {
   const SparsePattern& p = equations_.system().constraint_pattern();
   row_sizes_.assign(level_.size(), 0);
   for (std::size_t i = 0; i < row_sizes_.size(); ++i) {
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
-      row_sizes_[i] += std::abs(equations_.phi_q()[k]) * options_.budget.size(static_cast<std::size_t>(p.ind[k]));
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k)
+      row_sizes_[i] += std::abs(equations_.phi_q()[k]) * options_.budget.size(at(p.ind[k]));
     if (!(row_sizes_[i] > 0)) row_sizes_[i] = 1;
   }
 }
@@ -151,7 +150,7 @@ double BdfIntegrator::error_estimate(int order) {
   const double factor = 1 / (d[0] * (formula_.t - history_.time(order)));
   for (double& weight : w) weight = -weight;
   combine_past({&MotionArrays::theta, &MotionArrays::v, &MotionArrays::dq, &MotionArrays::dv},
-               ConstSpan(w).first(static_cast<std::size_t>(points)));
+               ConstSpan(w).first(at(points)));
   if (noisy_left_ > 0 || formula_is_projected_) remove_weak_parts();
   if (on_device()) {
     const MotionRecord record =

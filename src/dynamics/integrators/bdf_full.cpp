@@ -18,8 +18,8 @@ Eigen::MatrixXd dense_phi_q(const SparsePattern& p, ConstSpan values, const std:
   }
   Eigen::MatrixXd g = Eigen::MatrixXd::Zero(static_cast<Index>(kept.size()), p.cols);
   for (std::size_t r = 0; r < kept.size(); ++r) {
-    const auto i = static_cast<std::size_t>(kept[r]);
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k) {
+    const auto i = at(kept[r]);
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) {
       g(static_cast<Index>(r), p.ind[k]) = values[k];
     }
   }
@@ -31,8 +31,7 @@ void add_f_lambda(const SparsePattern& p, ConstSpan values, const std::vector<ch
   Eigen::Index row = 0;
   for (std::size_t i = 0; i < dropped.size(); ++i) {
     if (dropped[i]) continue;
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
-      g(row, p.ind[k]) += values[k];
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) g(row, p.ind[k]) += values[k];
     ++row;
   }
 }
@@ -69,7 +68,7 @@ void BdfIntegrator::parametrise() {
       Eigen::MatrixXd w = Eigen::MatrixXd::Zero(n, n);
       const SparsePattern& p = kkt.w_pattern();
       for (Index j = 0; j < n; ++j) {
-        for (auto k = static_cast<std::size_t>(p.ptr[at(j)]); k < static_cast<std::size_t>(p.ptr[at(j) + 1]); ++k) {
+        for (auto k = at(p.ptr[at(j)]); k < at(p.ptr[at(j) + 1]); ++k) {
           w(p.ind[k], j) = kkt.w_of_factor()[k];
         }
       }

@@ -132,8 +132,8 @@ bool BdfIntegrator::multipliers_settle(const StepReport& report) {
   std::vector<double> forces(work_n_.size(), 0.0);
   double largest = 0;
   for (std::size_t i = 0; i < level_.size(); ++i) {
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k) {
-      const auto column = static_cast<std::size_t>(p.ind[k]);
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) {
+      const auto column = at(p.ind[k]);
       work_n_[column] += (now[k] - factor[k]) * level_[i];
       forces[column] += std::abs(now[k] * trial_.lambda[i]);
       largest = std::max(largest, forces[column]);

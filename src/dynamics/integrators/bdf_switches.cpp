@@ -64,7 +64,7 @@ void BdfIntegrator::measure_falling_masses(const std::vector<FallingForce>& forc
   std::vector<double> x(state_.v.size() + state_.lambda.size());
   for (const FallingForce& f : forces) {
     std::fill(x.begin(), x.end(), 0.0);
-    const auto coordinate = [&](std::size_t i) { return static_cast<std::size_t>(f.coordinates[i]); };
+    const auto coordinate = [&](std::size_t i) { return at(f.coordinates[i]); };
     for (std::size_t i = 0; i < f.direction.size(); ++i)
       if (f.coordinates[i] >= 0) x[coordinate(i)] += f.direction[i];
     equations_.solve(x);

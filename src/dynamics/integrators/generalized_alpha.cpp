@@ -44,8 +44,8 @@ GeneralizedAlpha::GeneralizedAlpha(Equations& equations, const AlphaOptions& opt
   newton_share_ = options.newton_tolerance * std::clamp(fading * fading, kLeastShare, 1.0);
   gamma_ = 0.5 - alpha_m_ + alpha_f_;
   beta_ = 0.25 * (gamma_ + 0.5) * (gamma_ + 0.5);
-  const auto n = static_cast<std::size_t>(equations.sizes().velocity);
-  const auto m = static_cast<std::size_t>(equations.sizes().constraints);
+  const auto n = at(equations.sizes().velocity);
+  const auto m = at(equations.sizes().constraints);
   for (auto* x : {&a_old_, &a_base_, &v_base_, &delta_base_, &delta_, &weight_, &f_, &work_, &jerk_, &a_from_, &v_from_,
                   &a_step_, &force_})
     x->assign(n, 0.0);

@@ -31,11 +31,11 @@ void value_weights(double t, std::span<const double> nodes, Span w) {
 
 History::History(const System& system, int depth) : system_(system), depth_(std::clamp(depth, 1, kDepth)) {
   const Sizes s = system.sizes();
-  for (Point& p : std::span(points_).first(static_cast<std::size_t>(depth_))) {
-    p.q.resize(static_cast<std::size_t>(s.configuration));
-    p.v.resize(static_cast<std::size_t>(s.velocity));
-    p.theta.resize(static_cast<std::size_t>(s.velocity));
-    p.lambda.resize(static_cast<std::size_t>(s.constraints));
+  for (Point& p : std::span(points_).first(at(depth_))) {
+    p.q.resize(at(s.configuration));
+    p.v.resize(at(s.velocity));
+    p.theta.resize(at(s.velocity));
+    p.lambda.resize(at(s.constraints));
   }
 }
 
@@ -44,7 +44,7 @@ void History::push(double t, ConstSpan q, ConstSpan v, ConstSpan lambda, base::T
   if (count_ > 0 && t <= time(0)) throw std::invalid_argument("points of the history must increase in time");
   newest_ = (newest_ + 1) % depth_;
   count_ = std::min(count_ + 1, depth_);
-  Point& p = points_[static_cast<std::size_t>(newest_)];
+  Point& p = points_[at(newest_)];
   p.t = t;
   copy(pool, q, p.q);
   copy(pool, v, p.v);
@@ -58,7 +58,7 @@ void History::make_charts(base::ThreadPool* pool, const DeviceShare* share) {
   const ConstSpan newest = points_[place(0)].q;
   for (int j = 0; j < count_; ++j) {
     Point& past = points_[place(j)];
-    times_[static_cast<std::size_t>(j)] = past.t;
+    times_[at(j)] = past.t;
     if (share != nullptr) {
       for (const OwnCoordinates& c : share->owners) c.local(newest, past.q, past.theta);
     } else if (j == 0) {

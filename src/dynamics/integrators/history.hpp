@@ -42,9 +42,7 @@ class History {
   [[nodiscard]] int depth() const { return depth_; }
   [[nodiscard]] double time(int j) const { return slot(j).t; }
   /// Times of the newest `count` points, newest first.
-  [[nodiscard]] std::span<const double> times(int count) const {
-    return {times_.data(), static_cast<std::size_t>(count)};
-  }
+  [[nodiscard]] std::span<const double> times(int count) const { return {times_.data(), at(count)}; }
   [[nodiscard]] ConstSpan theta(int j) const { return slot(j).theta; }
   [[nodiscard]] ConstSpan q(int j) const { return slot(j).q; }
   [[nodiscard]] ConstSpan v(int j) const { return slot(j).v; }
@@ -57,7 +55,7 @@ class History {
     double t = 0;
     std::vector<double> q, v, lambda, theta;
   };
-  [[nodiscard]] std::size_t place(int j) const { return static_cast<std::size_t>((newest_ + depth_ - j) % depth_); }
+  [[nodiscard]] std::size_t place(int j) const { return at((newest_ + depth_ - j) % depth_); }
   [[nodiscard]] const Point& slot(int j) const { return points_[place(j)]; }
 
   void make_charts(base::ThreadPool* pool, const DeviceShare* share);

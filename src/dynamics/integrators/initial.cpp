@@ -13,8 +13,7 @@ namespace espalier::dynamics {
 namespace {
 
 struct Work {
-  explicit Work(const Sizes& s)
-      : n(static_cast<std::size_t>(s.velocity)), m(static_cast<std::size_t>(s.constraints)), b(n + m), f(n), level(m) {}
+  explicit Work(const Sizes& s) : n(at(s.velocity)), m(at(s.constraints)), b(n + m), f(n), level(m) {}
   [[nodiscard]] Span upper() { return Span(b).first(n); }
   [[nodiscard]] Span lower() { return Span(b).subspan(n); }
   std::size_t n, m;
@@ -84,7 +83,7 @@ void project_velocity(Equations& eq, State& s, const ConsistencyOptions& o, Work
 /// Diagonal of the mass matrix.
 std::vector<double> masses(Equations& eq, const State& s) {
   const SparsePattern& p = eq.system().tangent_pattern();
-  std::vector<double> values(static_cast<std::size_t>(p.nonzeros())), out(s.v.size(), 1.0);
+  std::vector<double> values(at(p.nonzeros())), out(s.v.size(), 1.0);
   eq.system().tangent(s.view(), {1, 0, 0}, values);
   for (Index j = 0; j < p.cols; ++j)
     for (Offset k = p.ptr[at(j)]; k < p.ptr[at(j) + 1]; ++k)
@@ -205,8 +204,7 @@ void refuse(double change, double allowed, const char* what) {
 
 std::vector<char> length_coordinates(const System& system, ConstSpan q) {
   // An angle's magnitude is 1 whatever the configuration.
-  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity)), other = sizes,
-                                                                                moved(q.begin(), q.end());
+  std::vector<double> sizes(at(system.sizes().velocity)), other = sizes, moved(q.begin(), q.end());
   for (double& x : moved) x *= 1.01;
   system.magnitude(q, sizes);
   system.magnitude(moved, other);
@@ -216,7 +214,7 @@ std::vector<char> length_coordinates(const System& system, ConstSpan q) {
 }
 
 std::vector<double> coordinate_sizes(const System& system, ConstSpan q) {
-  std::vector<double> sizes(static_cast<std::size_t>(system.sizes().velocity));
+  std::vector<double> sizes(at(system.sizes().velocity));
   system.magnitude(q, sizes);
   const std::vector<char> lengths = length_coordinates(system, q);
   double extent = 0;
@@ -229,13 +227,12 @@ std::vector<double> coordinate_sizes(const System& system, ConstSpan q) {
 
 std::vector<double> constraint_sizes(System& system, ConstSpan q, ConstSpan phi_q) {
   constexpr double kLeast = 1e-4;
-  std::vector<double> magnitude(static_cast<std::size_t>(system.sizes().velocity));
+  std::vector<double> magnitude(at(system.sizes().velocity));
   system.magnitude(q, magnitude);
   const SparsePattern& p = system.constraint_pattern();
-  std::vector<double> sizes(static_cast<std::size_t>(p.rows), 0.0);
+  std::vector<double> sizes(at(p.rows), 0.0);
   for (std::size_t i = 0; i < sizes.size(); ++i)
-    for (auto k = static_cast<std::size_t>(p.ptr[i]); k < static_cast<std::size_t>(p.ptr[i + 1]); ++k)
-      sizes[i] += std::abs(phi_q[k]) * magnitude[at(p.ind[k])];
+    for (auto k = at(p.ptr[i]); k < at(p.ptr[i + 1]); ++k) sizes[i] += std::abs(phi_q[k]) * magnitude[at(p.ind[k])];
   const double least = kLeast * max_norm(sizes);
   for (double& size : sizes) size = least > 0 ? std::max(size, least) : 1;
   return sizes;

@@ -14,7 +14,7 @@ TangentMatrices tangent_matrices(System& system, const State& state) {
     a.cols = p.cols;
     a.col_ptr = p.ptr;
     a.row_ind = p.ind;
-    a.values.resize(static_cast<std::size_t>(p.nonzeros()));
+    a.values.resize(at(p.nonzeros()));
     system.tangent(state.view(), weights, a.values);
     return a;
   };
@@ -38,7 +38,7 @@ Linearised linearise(Equations& equations, const State& state) {
   Linearised out;
   out.n = a.mass.cols;
   out.rows = kept_constraints(equations);
-  const auto size = static_cast<std::size_t>(out.size()), n = static_cast<std::size_t>(out.n);
+  const auto size = static_cast<std::size_t>(out.size()), n = at(out.n);
 
   struct Entry {
     Index row;
@@ -46,22 +46,21 @@ Linearised linearise(Equations& equations, const State& state) {
   };
   std::vector<std::vector<Entry>> columns(size);
   for (std::size_t j = 0; j < n; ++j)
-    for (auto k = static_cast<std::size_t>(a.stiffness.col_ptr[j]);
-         k < static_cast<std::size_t>(a.stiffness.col_ptr[j + 1]); ++k)
+    for (auto k = at(a.stiffness.col_ptr[j]); k < at(a.stiffness.col_ptr[j + 1]); ++k)
       columns[j].push_back({a.stiffness.row_ind[k], a.stiffness.values[k]});
   for (std::size_t r = 0; r < out.rows.size(); ++r) {
-    const auto row = static_cast<std::size_t>(out.rows[r]);
-    for (auto k = static_cast<std::size_t>(phi.ptr[row]); k < static_cast<std::size_t>(phi.ptr[row + 1]); ++k) {
+    const auto row = at(out.rows[r]);
+    for (auto k = at(phi.ptr[row]); k < at(phi.ptr[row + 1]); ++k) {
       columns[at(phi.ind[k])].push_back({out.n + static_cast<Index>(r), phi_q[k]});
       columns[n + r].push_back({phi.ind[k], phi_q[k]});
     }
   }
   if (const SparsePattern* p = system.multiplier_pattern(); p != nullptr) {
-    std::vector<double> f_lambda(static_cast<std::size_t>(p->nonzeros()));
+    std::vector<double> f_lambda(at(p->nonzeros()));
     system.multiplier_tangent(state.view(), f_lambda);
     for (std::size_t r = 0; r < out.rows.size(); ++r) {
-      const auto column = static_cast<std::size_t>(out.rows[r]);
-      for (auto k = static_cast<std::size_t>(p->ptr[column]); k < static_cast<std::size_t>(p->ptr[column + 1]); ++k)
+      const auto column = at(out.rows[r]);
+      for (auto k = at(p->ptr[column]); k < at(p->ptr[column + 1]); ++k)
         columns[n + r].push_back({p->ind[k], f_lambda[k]});
     }
   }

@@ -8,7 +8,7 @@ namespace espalier::dynamics {
 namespace {
 template <class Numbers>
 auto part_of(Numbers& x, Index first, Index count) {
-  return std::span(x).subspan(static_cast<std::size_t>(first), static_cast<std::size_t>(count));
+  return std::span(x).subspan(at(first), at(count));
 }
 
 /// Where these vectors lie.
@@ -75,12 +75,12 @@ void SharedVectors::put_right_side(const MotionArrays& here, MotionVector vector
 
 void SharedVectors::take_right_sides(const MotionArrays& here, std::initializer_list<MotionVector> vectors) const {
   const std::vector<Index>& own = share().own;
-  const auto m = static_cast<std::size_t>(equations_.sizes().constraints);
+  const auto m = at(equations_.sizes().constraints);
   ConstSpan values =
       device_motion().gather(DeviceMotion::List::right_side, places_of(device_motion().arrays(), vectors));
   for (const MotionVector vector : vectors) {
     double* const to = here.*vector;
-    for (std::size_t k = 0; k < own.size(); ++k) to[static_cast<std::size_t>(own[k])] = values[k];
+    for (std::size_t k = 0; k < own.size(); ++k) to[at(own[k])] = values[k];
     std::copy_n(values.begin() + static_cast<std::ptrdiff_t>(own.size()), m, to + size());
     values = values.subspan(own.size() + m);
   }
@@ -88,7 +88,7 @@ void SharedVectors::take_right_sides(const MotionArrays& here, std::initializer_
 
 MotionRecord SharedVectors::measure(const MotionArrays& here, const MotionMeasure& what) const {
   MotionRecord record = device_motion().measure(what);
-  for (const Index i : share().own) what.add(here, static_cast<std::size_t>(i), record);
+  for (const Index i : share().own) what.add(here, at(i), record);
   return record;
 }
 
@@ -101,7 +101,7 @@ void SharedVectors::fetch_for_host(const MotionArrays& here, State& trial,
     const bool is_q = vector == &MotionArrays::q;
     double* const to = is_q ? trial.q.data() : here.*vector;
     const std::vector<Index>& places = is_q ? shared.seen_q : shared.seen;
-    for (std::size_t k = 0; k < places.size(); ++k) to[static_cast<std::size_t>(places[k])] = values[k];
+    for (std::size_t k = 0; k < places.size(); ++k) to[at(places[k])] = values[k];
     values = values.subspan(places.size());
   }
 }

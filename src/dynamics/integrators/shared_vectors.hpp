@@ -63,11 +63,11 @@ class SharedVectors {
   void run(const MotionArrays& here, const Loop& loop) const {
     if (!on_device_) return for_each_entry(equations_.pool(), size(), [&](std::size_t i) { loop(here, i); });
     device_motion().run(loop);
-    for (const Index i : share().own) loop(here, static_cast<std::size_t>(i));
+    for (const Index i : share().own) loop(here, at(i));
   }
 
  private:
-  [[nodiscard]] std::size_t size() const { return static_cast<std::size_t>(equations_.sizes().velocity); }
+  [[nodiscard]] std::size_t size() const { return at(equations_.sizes().velocity); }
 
   Equations& equations_;
   bool on_device_ = false;

@@ -96,7 +96,7 @@ class Joint final : public Component, public Constrains, public Switching, publi
   /// switched on in mid-motion and count from where they begin.
   void hold_here(double t, ConstSpan q);
   [[nodiscard]] int frames() const { return static_cast<int>(frames_.size()); }
-  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(static_cast<std::size_t>(f)).frame; }
+  [[nodiscard]] const Frame& frame(int f) const { return *frames_.at(at(f)).frame; }
   /// Reaction on frame `f` of the joint.
   [[nodiscard]] Wrench reaction(const StateView& s, int f) const;
   /// Value of the relative coordinate of a row's first term (an angle: in (-pi, pi]).
@@ -106,9 +106,7 @@ class Joint final : public Component, public Constrains, public Switching, publi
 
   [[nodiscard]] Sizes sizes() const override { return {0, 0, static_cast<Index>(rows_.size())}; }
   [[nodiscard]] std::string constraint_name(Index local_row) const override;
-  [[nodiscard]] bool non_holonomic(Index local_row) const override {
-    return rows_.at(static_cast<std::size_t>(local_row)).of_velocity;
-  }
+  [[nodiscard]] bool non_holonomic(Index local_row) const override { return rows_.at(at(local_row)).of_velocity; }
   void declare(PatternBuilder& w, PatternBuilder& phi_q) const override;
   void bind(const SparsePattern& w, const SparsePattern& phi_q) override;
   void residual(const StateView& s, Span f) override;

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/at.hpp"
 #include "dynamics/bodies/rotation.hpp"
 
 namespace espalier::dynamics {
@@ -9,7 +10,7 @@ namespace espalier::dynamics {
 namespace {
 
 void set(Row12& c, int block, const Vec3& value) {
-  for (int k = 0; k < 3; ++k) c[static_cast<std::size_t>(3 * block + k)] = value[k];
+  for (int k = 0; k < 3; ++k) c[at(3 * block + k)] = value[k];
 }
 
 enum Block { kRa, kPhiA, kRb, kPhiB };
@@ -99,8 +100,8 @@ void evaluate(Relative kind, int i, int j, const FrameMotion& a, const FrameMoti
   switch (kind) {
     case Relative::global: {
       out.value = b.r[i] - a.r[i];
-      out.c[static_cast<std::size_t>(i)] = -1;
-      out.c[static_cast<std::size_t>(6 + i)] = 1;
+      out.c[at(i)] = -1;
+      out.c[at(6 + i)] = 1;
       return;
     }
     case Relative::along: {

@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "base/at.hpp"
 #include "dynamics/elements/dispatch.hpp"
 
 namespace espalier::dynamics {
@@ -202,7 +203,7 @@ void RigidPair::bind(const SparsePattern& w) {
       const bool used = turns_both ? has_axes_ || of_row.v == of_col.v : has_along_ && turns_one;
       if (!used) continue;
       const Offset entry = find_entry(w, of_col.v + col % 6, of_row.v + row % 6);
-      targets_.push_back({static_cast<std::uint8_t>(12 * col + row), static_cast<std::size_t>(entry)});
+      targets_.push_back({static_cast<std::uint8_t>(12 * col + row), at(entry)});
     }
   }
 }

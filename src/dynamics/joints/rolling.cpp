@@ -1,5 +1,7 @@
 #include "dynamics/joints/rolling.hpp"
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 namespace {
@@ -86,7 +88,7 @@ void add_curvature(const RollingShape& shape, RollingDirection direction, const 
   for (Eigen::Index e = 0; e < 12; ++e) {
     const auto part = [e](Eigen::Index block) { return e / 3 == block ? Vec3::Unit(e % 3) : Vec3(Vec3::Zero()); };
     const Row12 c = contact.change(direction, part(0), part(1), part(2), part(3));
-    for (Eigen::Index i = 0; i < 12; ++i) k(i, e) += factor * c[static_cast<std::size_t>(i)];
+    for (Eigen::Index i = 0; i < 12; ++i) k(i, e) += factor * c[at(i)];
   }
 }
 

@@ -2,6 +2,8 @@
 
 #include <cmath>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics {
 
 FaceFunctions face_functions(ElementType type, double r, double s) {
@@ -65,15 +67,15 @@ std::map<Index, double> area_weights(const Mesh& mesh, std::span<const MeshFace>
   std::map<Index, double> weights;
   for (const MeshFace& face : faces) {
     const std::vector<Index> nodes = mesh.face_nodes(face);
-    const ElementType type = shape_of(mesh.type(face.element)).faces[static_cast<std::size_t>(face.face)].type;
+    const ElementType type = shape_of(mesh.type(face.element)).faces[at(face.face)].type;
     const bool triangle = shape_of(type).corners == 3;
     for (const FacePoint& point : triangle ? std::span<const FacePoint>(kTrianglePoints) : kQuadPoints) {
       const FaceFunctions f = face_functions(type, point.r, point.s);
       Point r{}, s{};
       for (std::size_t a = 0; a < nodes.size(); ++a)
         for (std::size_t d = 0; d < 3; ++d) {
-          r[d] += f.r[a] * mesh.nodes[static_cast<std::size_t>(nodes[a])][d];
-          s[d] += f.s[a] * mesh.nodes[static_cast<std::size_t>(nodes[a])][d];
+          r[d] += f.r[a] * mesh.nodes[at(nodes[a])][d];
+          s[d] += f.s[a] * mesh.nodes[at(nodes[a])][d];
         }
       const double area =
           point.weight * std::hypot(r[1] * s[2] - r[2] * s[1], r[2] * s[0] - r[0] * s[2], r[0] * s[1] - r[1] * s[0]);

@@ -28,9 +28,7 @@ std::map<Corners, MeshFace> faces_by_corners(const Mesh& mesh) {
 
 }  // namespace
 
-std::span<const Index> FileElements::Element::list() const {
-  return {nodes.data(), static_cast<std::size_t>(shape_of(type).nodes)};
-}
+std::span<const Index> FileElements::Element::list() const { return {nodes.data(), at(shape_of(type).nodes)}; }
 
 std::size_t FileElements::add(ElementType type, std::int64_t label, std::span<const Index> nodes) {
   Element& e = elements_.emplace_back(Element{type, label, {}});

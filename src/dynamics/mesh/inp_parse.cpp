@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/file_source.hpp"
 #include "dynamics/mesh/inp_model.hpp"
 #include "dynamics/mesh/read/inp_generate.hpp"
@@ -189,7 +190,7 @@ class InpParser {
         std::string_view field;
         for (Fields ahead = fields; have < count && ahead.next(field) && !field.empty(); ahead = fields) {
           const std::int64_t value = fields.integer(have < 0 ? "element number" : "node number");
-          (have < 0 ? e.label : e.nodes[static_cast<std::size_t>(have)]) = value;
+          (have < 0 ? e.label : e.nodes[at(have)]) = value;
           ++have;
         }
         if (have == count) {

@@ -4,6 +4,7 @@
 
 #include <set>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/nastran_cards.hpp"
 
 namespace espalier::dynamics {
@@ -152,7 +153,7 @@ class LineCards {
     for (const auto& [label, sign] : {std::pair{to, 1.0}, std::pair{from, -1.0}}) {
       const auto found = places_.find(label);
       if (found == places_.end()) card.fail(fmt::format("grid point {} is not defined", label));
-      for (std::size_t i = 0; i < 3; ++i) out[i] += sign * mesh_.nodes[static_cast<std::size_t>(found->second)][i];
+      for (std::size_t i = 0; i < 3; ++i) out[i] += sign * mesh_.nodes[at(found->second)][i];
     }
     return out;
   }

@@ -47,7 +47,7 @@ void sort_unique(std::vector<Index>& list) {
 }
 
 Index Mesh::add_element(ElementType element_type, std::span<const Index> element_nodes) {
-  if (element_nodes.size() != static_cast<std::size_t>(shape_of(element_type).nodes))
+  if (element_nodes.size() != at(shape_of(element_type).nodes))
     throw std::invalid_argument(fmt::format("Mesh::add_element: {} nodes given, {} has {}", element_nodes.size(),
                                             shape_of(element_type).name, shape_of(element_type).nodes));
   types_.push_back(element_type);
@@ -57,13 +57,13 @@ Index Mesh::add_element(ElementType element_type, std::span<const Index> element
 }
 
 std::span<const Index> Mesh::element(Index e) const {
-  const auto i = static_cast<std::size_t>(e);
-  return {connectivity_.data() + start_[i], static_cast<std::size_t>(start_[i + 1] - start_[i])};
+  const auto i = at(e);
+  return {connectivity_.data() + start_[i], at(start_[i + 1] - start_[i])};
 }
 
 std::vector<Index> Mesh::face_nodes(MeshFace face) const {
   const auto& faces = shape_of(type(face.element)).faces;
-  if (face.face < 0 || static_cast<std::size_t>(face.face) >= faces.size())
+  if (face.face < 0 || at(face.face) >= faces.size())
     throw std::invalid_argument(fmt::format("Mesh::face_nodes: element {} ({}) has no face {}",
                                             element_label(face.element), shape_of(type(face.element)).name,
                                             face.face + 1));
@@ -153,8 +153,8 @@ Index Mesh::drop_unused_nodes() {
     ++kept;
   }
   const Index dropped = static_cast<Index>(nodes.size()) - kept;
-  nodes.resize(static_cast<std::size_t>(kept));
-  if (!node_labels.empty()) node_labels.resize(static_cast<std::size_t>(kept));
+  nodes.resize(at(kept));
+  if (!node_labels.empty()) node_labels.resize(at(kept));
   for (Index& n : connectivity_) n = renumbered[at(n)];
   for (auto& entry : node_sets) {
     for (Index& n : entry.second) n = renumbered[at(n)];

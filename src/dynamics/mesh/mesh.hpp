@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/element_type.hpp"
 #include "espalier/types.hpp"
 
@@ -50,7 +51,7 @@ class Mesh {
   /// Adds an element and returns its index. @pre element_nodes.size() == shape_of(type).nodes
   Index add_element(ElementType type, std::span<const Index> element_nodes);
   [[nodiscard]] Index element_count() const { return static_cast<Index>(types_.size()); }
-  [[nodiscard]] ElementType type(Index element) const { return types_[static_cast<std::size_t>(element)]; }
+  [[nodiscard]] ElementType type(Index element) const { return types_[at(element)]; }
   /// The node indices of one element in the order of ElementType.
   [[nodiscard]] std::span<const Index> element(Index element) const;
   /// The node indices of one face. @throws std::invalid_argument when the element has no such face

@@ -29,18 +29,18 @@ std::string element_name(const Mesh& mesh, Index element) {
 }
 
 void keep_elements(Mesh& mesh, std::span<const Index> elements) {
-  std::vector<Index> became(static_cast<std::size_t>(mesh.element_count()), -1);
+  std::vector<Index> became(at(mesh.element_count()), -1);
   Mesh kept;
   for (const Index e : elements) {
-    became[static_cast<std::size_t>(e)] = kept.add_element(mesh.type(e), mesh.element(e));
+    became[at(e)] = kept.add_element(mesh.type(e), mesh.element(e));
     if (!mesh.element_labels.empty()) kept.element_labels.push_back(mesh.element_label(e));
   }
   for (auto& [set, members] : mesh.element_sets) {
-    for (Index& e : members) e = became[static_cast<std::size_t>(e)];
+    for (Index& e : members) e = became[at(e)];
     std::erase(members, -1);
   }
   for (auto& [set, faces] : mesh.face_sets) {
-    for (MeshFace& face : faces) face.element = became[static_cast<std::size_t>(face.element)];
+    for (MeshFace& face : faces) face.element = became[at(face.element)];
     std::erase_if(faces, [](const MeshFace& face) { return face.element < 0; });
   }
   const auto is_empty = [](const auto& set) { return set.second.empty(); };

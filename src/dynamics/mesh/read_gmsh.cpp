@@ -25,7 +25,7 @@ class Source {
   /// A number of things that follow: no more than there are bytes left.
   std::int64_t count() {
     const std::int64_t n = size();
-    if (n < 0 || static_cast<std::size_t>(n) > reader_.remaining())
+    if (n < 0 || at(n) > reader_.remaining())
       fail(fmt::format("{} entries are announced, the file has {} bytes left", n, reader_.remaining()));
     return n;
   }
@@ -171,7 +171,7 @@ class GmshReader {
     std::array<std::int64_t, 4> counts{};
     for (auto& c : counts) c = source.size();
     for (int dimension = 0; dimension < 4; ++dimension)
-      for (std::int64_t k = 0; k < counts[static_cast<std::size_t>(dimension)]; ++k) {
+      for (std::int64_t k = 0; k < counts[at(dimension)]; ++k) {
         const std::int64_t tag = source.int32();
         for (int i = 0; i < (dimension == 0 && !is_4_0() ? 3 : 6); ++i) source.real();
         const std::int64_t physicals = source.size();
@@ -218,7 +218,7 @@ class GmshReader {
         }
         continue;
       }
-      std::vector<std::int64_t> labels(static_cast<std::size_t>(source.count()));
+      std::vector<std::int64_t> labels(at(source.count()));
       for (auto& label : labels) label = source.size();
       for (const std::int64_t label : labels) add_node(label, place(source, parametric != 0 ? dimension : 0));
     }
@@ -243,7 +243,7 @@ class GmshReader {
       const std::int64_t node = next();
       const auto found = index_.find(node);
       if (found == index_.end()) source.fail(fmt::format("element {} uses node {}, which is not defined", label, node));
-      file[static_cast<std::size_t>(a)] = found->second;
+      file[at(a)] = found->second;
     }
     for (int a = 0; a < shape.dropped; ++a) next();
     if (shape.dropped > 0) ++complete_[shape.complete];
@@ -252,9 +252,9 @@ class GmshReader {
                        : type == ElementType::hex20   ? kHex20[a]
                        : type == ElementType::wedge15 ? kWedge15[a]
                                                       : a;
-      nodes[static_cast<std::size_t>(a)] = file[static_cast<std::size_t>(from)];
+      nodes[at(a)] = file[at(from)];
     }
-    const std::size_t added = elements_.add(type, label, {nodes.data(), static_cast<std::size_t>(count)});
+    const std::size_t added = elements_.add(type, label, {nodes.data(), at(count)});
     if (physical != 0) physical_.push_back({added, {shape_of(type).dimension, physical}});
   }
 

@@ -93,16 +93,16 @@ class NastranReader {
     const CardShape& shape = *shape_of_card(card);
     const std::int64_t label = card.integer(0, "number");
     std::size_t given = 0;
-    const auto most = static_cast<std::size_t>(shape_of(shape.quadratic).nodes);
+    const auto most = at(shape_of(shape.quadratic).nodes);
     for (std::size_t a = 0; a < most; ++a)
       if (!card.field(2 + a).empty() && card.field(2 + a) != "0") given = a + 1;
-    const auto corners = static_cast<std::size_t>(shape_of(shape.linear).nodes);
+    const auto corners = at(shape_of(shape.linear).nodes);
     const ElementType type = given > corners ? shape.quadratic : shape.linear;
-    const auto count = static_cast<std::size_t>(shape_of(type).nodes);
+    const auto count = at(shape_of(type).nodes);
     std::array<Index, kMaxElementNodes> nodes{};
     for (std::size_t a = 0; a < count; ++a) {
-      const std::size_t from = type == ElementType::hex20     ? static_cast<std::size_t>(kCardHex20[a])
-                               : type == ElementType::wedge15 ? static_cast<std::size_t>(kCardWedge15[a])
+      const std::size_t from = type == ElementType::hex20     ? at(kCardHex20[a])
+                               : type == ElementType::wedge15 ? at(kCardWedge15[a])
                                                               : a;
       if (card.field(2 + from).empty() || card.field(2 + from) == "0")
         card.fail(fmt::format("element {} has {} grid points, but number {} is empty; give all mid-side points or none",

@@ -43,7 +43,7 @@ class ShellMesher {
     for (Index e = 0; e < mesh.element_count(); ++e) {
       check_type(e);
       check_nodes(e);
-      corners_of_.push_back(static_cast<std::size_t>(shape_of(mesh.type(e)).corners));
+      corners_of_.push_back(at(shape_of(mesh.type(e)).corners));
       const bool second = mesh.element(e).size() > corners_of_.back();
       (second ? seconds : firsts) += 1;
       divide_ = divide_ || mesh.type(e) == ElementType::tri3 || (seconds > 0 && firsts > 0);

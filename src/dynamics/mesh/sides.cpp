@@ -20,8 +20,8 @@ std::vector<double> distances(const Mesh& mesh, std::span<const MeshFace> faces,
   for (const MeshFace& face : faces) {
     double least = kInfinity, most = -kInfinity;
     for (const Index n : mesh.face_nodes(face)) {
-      least = std::min(least, mesh.nodes[static_cast<std::size_t>(n)][axis]);
-      most = std::max(most, mesh.nodes[static_cast<std::size_t>(n)][axis]);
+      least = std::min(least, mesh.nodes[at(n)][axis]);
+      most = std::max(most, mesh.nodes[at(n)][axis]);
     }
     from.push_back(least);
     to.push_back(most);

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/at.hpp"
 #include "dynamics/output/hdf5_objects.hpp"
 
 namespace espalier::dynamics::hdf5 {
@@ -81,7 +82,7 @@ class File {
     std::uint64_t offset = 0;  // of its header in a slot
   };
 
-  static std::size_t place(int number) { return static_cast<std::size_t>(number); }
+  static std::size_t place(int number) { return at(number); }
   Object& object(const std::string& path);
   [[nodiscard]] std::string header_of(const Object& o, std::uint64_t base) const;
   [[nodiscard]] std::string record() const;

@@ -10,6 +10,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "base/at.hpp"
 #include "base/output_file.hpp"
 #include "base/strtod.hpp"
 #include "matrix/file.hpp"
@@ -68,7 +69,7 @@ std::string declare_fields(Appended& appended, std::span<const OutputField> fiel
                            const char* what) {
   std::string xml;
   for (const OutputField& field : fields) {
-    if (field.values.size() != count * static_cast<std::size_t>(field.components))
+    if (field.values.size() != count * at(field.components))
       throw std::invalid_argument(
           fmt::format("write_vtu: field '{}' has {} numbers, {} {} times {} components are needed", field.name,
                       field.values.size(), count, what, field.components));
@@ -80,7 +81,7 @@ std::string declare_fields(Appended& appended, std::span<const OutputField> fiel
 }  // namespace
 
 Index VtuCells::add(ElementType type, std::span<const Index> points) {
-  if (points.size() != static_cast<std::size_t>(shape_of(type).nodes))
+  if (points.size() != at(shape_of(type).nodes))
     throw std::invalid_argument(fmt::format("VtuCells::add: {} points given, {} has {}", points.size(),
                                             shape_of(type).name, shape_of(type).nodes));
   connectivity_.insert(connectivity_.end(), points.begin(), points.end());
@@ -92,7 +93,7 @@ Index VtuCells::add(ElementType type, std::span<const Index> points) {
 void write_vtu(const std::string& path, std::span<const double> points, const VtuCells& cells,
                std::span<const OutputField> point_fields, std::span<const OutputField> cell_fields) {
   if (points.size() % 3 != 0) throw std::invalid_argument("write_vtu: points need 3 numbers each");
-  const std::size_t count = points.size() / 3, cell_count = static_cast<std::size_t>(cells.count());
+  const std::size_t count = points.size() / 3, cell_count = at(cells.count());
   Appended appended;
   std::string xml = fmt::format(
       "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" "
@@ -114,7 +115,7 @@ void write_vtu(const std::string& path, std::span<const double> points, const Vt
 }
 
 std::string PvdSeries::file_name(int part) const {
-  const std::size_t index = static_cast<std::size_t>(part);
+  const std::size_t index = at(part);
   const int number = index < next_.size() ? next_[index] : 0;
   const std::filesystem::path pvd(path_);
   return (pvd.parent_path() / fmt::format("{}_{}_{:06}.vtu", pvd.stem().string(), part, number)).string();
@@ -169,7 +170,7 @@ std::optional<double> PvdSeries::resume(double t) {
       continue;
     }
     data_sets_.push_back(entry);
-    const auto part = static_cast<std::size_t>(entry.part);
+    const auto part = at(entry.part);
     if (next_.size() <= part) next_.resize(part + 1, 0);
     ++next_[part];
   }
@@ -179,8 +180,8 @@ std::optional<double> PvdSeries::resume(double t) {
 void PvdSeries::add(double t, int part) {
   if (part < 0) throw std::invalid_argument(fmt::format("PvdSeries::add: part {} is negative", part));
   data_sets_.push_back({t, part, std::filesystem::path(file_name(part)).filename().string()});
-  if (next_.size() <= static_cast<std::size_t>(part)) next_.resize(static_cast<std::size_t>(part) + 1, 0);
-  ++next_[static_cast<std::size_t>(part)];
+  if (next_.size() <= at(part)) next_.resize(at(part) + 1, 0);
+  ++next_[at(part)];
   std::erase_if(later_, [&](const DataSet& e) { return e.t <= t || e.file == data_sets_.back().file; });
   write();
 }

@@ -87,7 +87,7 @@ std::vector<double> NodalStress::tensors(const State& s, const std::vector<std::
   NodeWeights weights;
   for (const Solid& solid : bodies_) {
     const model::FieldTable table = solid.samples->sample(s, solid.elements, nullptr);
-    const auto number = static_cast<std::size_t>(&solid - bodies_.data());
+    const auto number = at(&solid - bodies_.data());
     const bool any_failed = number < failed.size() && !failed[number].empty();
     std::size_t corner = 0;
     for (std::size_t k = 0; k < solid.elements.size(); ++k) {

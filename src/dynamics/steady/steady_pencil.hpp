@@ -14,7 +14,7 @@ namespace espalier::dynamics {
 /// A matrix by columns that is added up entry by entry.
 class EntrySums {
  public:
-  explicit EntrySums(Index size) : columns_(static_cast<std::size_t>(size)) {}
+  explicit EntrySums(Index size) : columns_(at(size)) {}
   void add(Index row, Index column, double value) {
     if (value != 0) columns_[at(column)][row] += value;
   }

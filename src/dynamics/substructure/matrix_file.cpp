@@ -20,8 +20,8 @@ FileMatrix from_matrix_market(const std::string& content, const std::string& pat
   matrix.rows = a.rows;
   matrix.columns = a.cols;
   for (Index c = 0; c < a.cols; ++c)
-    for (Offset k = a.col_ptr[static_cast<std::size_t>(c)]; k < a.col_ptr[static_cast<std::size_t>(c) + 1]; ++k)
-      matrix.entries.push_back({a.row_ind[static_cast<std::size_t>(k)], c, a.values[static_cast<std::size_t>(k)]});
+    for (Offset k = a.col_ptr[at(c)]; k < a.col_ptr[at(c) + 1]; ++k)
+      matrix.entries.push_back({a.row_ind[at(k)], c, a.values[at(k)]});
   return matrix;
 }
 

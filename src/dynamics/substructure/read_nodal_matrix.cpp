@@ -23,7 +23,7 @@ FileMatrix counted(std::string name, const std::vector<NodalEntry>& entries, con
   FileMatrix matrix;
   matrix.name = std::move(name);
   matrix.unknowns.assign(all.begin(), all.end());
-  if (all.size() > static_cast<std::size_t>(kMostSubstructureUnknowns))
+  if (all.size() > at(kMostSubstructureUnknowns))
     throw Error(StatusCode::invalid_input, fmt::format("{}: matrix '{}' has {} unknowns; at most {} are read", path,
                                                        matrix.name, all.size(), kMostSubstructureUnknowns));
   matrix.rows = matrix.columns = static_cast<Index>(all.size());

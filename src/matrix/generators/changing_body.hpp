@@ -9,6 +9,7 @@
 #include <utility>
 #include <vector>
 
+#include "base/at.hpp"
 #include "espalier/matrix.hpp"
 
 namespace espalier::matrix {
@@ -35,9 +36,7 @@ class ChangingBody {
 
  private:
   [[nodiscard]] Index node(Index x, Index y, Index z) const { return (x * (n_ + 1) + y) * (n_ + 1) + z; }
-  [[nodiscard]] std::size_t element(Index x, Index y, Index z) const {
-    return static_cast<std::size_t>((x * n_ + y) * n_ + z);
-  }
+  [[nodiscard]] std::size_t element(Index x, Index y, Index z) const { return at((x * n_ + y) * n_ + z); }
   [[nodiscard]] Index below(Index end) { return static_cast<Index>(random_() % static_cast<std::uint64_t>(end)); }
   void slide();
   void swap_elements();

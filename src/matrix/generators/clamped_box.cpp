@@ -1,3 +1,4 @@
+#include "base/at.hpp"
 #include "matrix/generators/families.hpp"
 
 namespace espalier::matrix {
@@ -26,8 +27,8 @@ class ClampedBox final : public GroupModel {
   void block(Index row, Index col, BlockValues& values) const override {
     values.fill(0);
     grid_.for_each_shared_element(place(row), place(col), [&](GridPlace e, std::size_t a, std::size_t b) {
-      const double factor = factors_[static_cast<std::size_t>(grid_.element(e))];
-      const HexStiffness& stiffness = stiffness_[stiffness_.size() == 1 ? 0 : static_cast<std::size_t>(e.y)];
+      const double factor = factors_[at(grid_.element(e))];
+      const HexStiffness& stiffness = stiffness_[stiffness_.size() == 1 ? 0 : at(e.y)];
       for (std::size_t i = 0; i < 3; ++i)
         for (std::size_t k = 0; k < 3; ++k) values[3 * i + k] += factor * stiffness[(3 * a + i) * 24 + 3 * b + k];
     });

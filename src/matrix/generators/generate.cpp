@@ -67,7 +67,7 @@ std::unique_ptr<GroupModel> make_model(const GeneratorSpec& s) {
 }
 
 std::vector<Index> natural_order(Index n) {
-  std::vector<Index> order(static_cast<std::size_t>(n));
+  std::vector<Index> order(at(n));
   std::iota(order.begin(), order.end(), 0);
   return order;
 }

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/at.hpp"
 #include "matrix/generators/group_model.hpp"
 #include "matrix/generators/random.hpp"
 
@@ -57,13 +58,13 @@ struct HexGrid {
  private:
   static std::size_t corner(GridPlace p, Index x, Index y, Index z) {
     const Index number = (p.x - x) + 2 * (p.y - y) + 4 * (p.z - z);
-    return static_cast<std::size_t>(number);
+    return at(number);
   }
 };
 
 /// One factor in [0.7, 1.3) per element: the spread of its stiffness.
 inline std::vector<double> element_factors(std::int64_t elements, std::uint64_t seed) {
-  std::vector<double> factors(static_cast<std::size_t>(elements));
+  std::vector<double> factors(at(elements));
   for (std::size_t e = 0; e < factors.size(); ++e) factors[e] = 0.7 + 0.6 * random_unit(seed, e);
   return factors;
 }

@@ -44,13 +44,12 @@ class KktChain final : public GroupModel {
       return;
     }
     const Index body = row / body_nodes_;
-    const auto first_element = static_cast<std::size_t>(body * grid_.elements());
+    const auto first_element = at(body * grid_.elements());
     double mass = 0;
     values.fill(0);
     grid_.for_each_shared_element(grid_.node_place(row % body_nodes_), grid_.node_place(col % body_nodes_),
                                   [&](GridPlace e, std::size_t a, std::size_t b) {
-                                    const double factor =
-                                        factors_[first_element + static_cast<std::size_t>(grid_.element(e))];
+                                    const double factor = factors_[first_element + at(grid_.element(e))];
                                     mass += mass_[a * 8 + b];
                                     for (std::size_t i = 0; i < 3; ++i)
                                       for (std::size_t k = 0; k < 3; ++k)

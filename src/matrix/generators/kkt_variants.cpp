@@ -25,18 +25,16 @@ double weight(std::uint64_t bits) {
 
 void scale_badly(SparseMatrix& a, std::uint64_t seed) {
   for (Index j = 0; j < a.cols; ++j)
-    for (Offset p = a.col_ptr[static_cast<std::size_t>(j)]; p < a.col_ptr[static_cast<std::size_t>(j) + 1]; ++p) {
-      double& v = a.values[static_cast<std::size_t>(p)];
-      v = std::ldexp(v, power_of(seed, j) + power_of(seed, a.row_ind[static_cast<std::size_t>(p)]));
+    for (Offset p = a.col_ptr[at(j)]; p < a.col_ptr[at(j) + 1]; ++p) {
+      double& v = a.values[at(p)];
+      v = std::ldexp(v, power_of(seed, j) + power_of(seed, a.row_ind[at(p)]));
     }
 }
 
 SparseMatrix append_redundant_rows(const SparseMatrix& a, Index constraints, Index redundant, std::uint64_t seed) {
   std::vector<Index> row(a.row_ind), col(a.row_ind.size());
   std::vector<double> value(a.values);
-  for (Index j = 0; j < a.cols; ++j)
-    std::fill(col.begin() + a.col_ptr[static_cast<std::size_t>(j)],
-              col.begin() + a.col_ptr[static_cast<std::size_t>(j) + 1], j);
+  for (Index j = 0; j < a.cols; ++j) std::fill(col.begin() + a.col_ptr[at(j)], col.begin() + a.col_ptr[at(j) + 1], j);
   const SparseMatrix by_rows = transpose(a);
   const auto count = static_cast<std::uint64_t>(constraints);
   for (Index r = 0; r < redundant; ++r) {
@@ -46,11 +44,11 @@ SparseMatrix append_redundant_rows(const SparseMatrix& a, Index constraints, Ind
     const double weights[] = {weight(random_bits(seed, draw + 2)), weight(random_bits(seed, draw + 3))};
     const std::uint64_t rows[] = {p, q};
     for (int part = 0; part < 2; ++part) {
-      const std::size_t source = static_cast<std::size_t>(a.rows - constraints) + rows[part];
+      const std::size_t source = at(a.rows - constraints) + rows[part];
       for (Offset k = by_rows.col_ptr[source]; k < by_rows.col_ptr[source + 1]; ++k) {
         row.push_back(a.rows + r);
-        col.push_back(by_rows.row_ind[static_cast<std::size_t>(k)]);
-        value.push_back(weights[part] * by_rows.values[static_cast<std::size_t>(k)]);
+        col.push_back(by_rows.row_ind[at(k)]);
+        value.push_back(weights[part] * by_rows.values[at(k)]);
       }
     }
   }

@@ -3,6 +3,7 @@
 #include <array>
 #include <vector>
 
+#include "base/at.hpp"
 #include "matrix/generators/generate.hpp"
 #include "matrix/text.hpp"
 
@@ -100,7 +101,7 @@ GeneratorSpec parse_generator(std::span<const std::string> words) {
   };
   if (form.redundant) spec.redundant = take("redundant rows");
   if (form.bodies) spec.bodies = take("bodies");
-  const auto dimensions = static_cast<std::size_t>(form.dimensions);
+  const auto dimensions = at(form.dimensions);
   if (form.bodies && sizes.empty()) {
     spec.nx = 20, spec.ny = 8, spec.nz = 8;
   } else if (!form.bodies && sizes.size() == 1) {

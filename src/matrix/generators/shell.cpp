@@ -28,7 +28,7 @@ HexCorners shell_corners(Index station, Index ny) {
 
 std::unique_ptr<GroupModel> make_shell(Index nx, Index ny, Randomness random) {
   std::vector<HexStiffness> stiffness;  // by arc position
-  stiffness.reserve(static_cast<std::size_t>(ny));
+  stiffness.reserve(at(ny));
   for (Index y = 0; y < ny; ++y) stiffness.push_back(hex8_stiffness(shell_corners(y, ny), kShellYoung, kShellPoisson));
   return make_clamped_box({nx, ny, 1}, std::move(stiffness), random);
 }

@@ -59,8 +59,7 @@ plan::Plan bordered_plan(analysis::AssemblyTree tree, const System& system, cons
                          base::ThreadPool& pool) {
   const BorderedPattern pattern = with_border(system.prepared, *system.border);
   plan::Plan plan = plan::make_plan(std::move(tree), pattern.a, system.prepared.row_of_col, options, pool);
-  for (plan::EntryPlace& e : plan.entries)
-    e = {pattern.source[static_cast<std::size_t>(e.source())], e.row(), e.col(), e.transposed()};
+  for (plan::EntryPlace& e : plan.entries) e = {pattern.source[at(e.source())], e.row(), e.col(), e.transposed()};
   return plan;
 }
 

@@ -40,20 +40,20 @@ BorderedPattern with_border(const PreparedMatrix& p, const Border& border) {
   const auto column = [&](const Border::Entry& e) { return at(e.upper ? n + e.border : e.inner); };
   for (const Border::Entry& e : border.entries) ++ptr[column(e) + 1];
   std::partial_sum(ptr.begin(), ptr.end(), ptr.begin());
-  made.a.row_ind.resize(static_cast<std::size_t>(ptr.back()));
+  made.a.row_ind.resize(at(ptr.back()));
   made.source.resize(made.a.row_ind.size());
   std::vector<Offset> next(ptr.begin(), ptr.end() - 1);
   for (Index c = 0; c < n; ++c)
     for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q) {
       const Offset to = next[at(c)]++;
-      made.a.row_ind[to] = a.row_ind[static_cast<std::size_t>(q)];
-      made.source[static_cast<std::size_t>(to)] = q;
+      made.a.row_ind[to] = a.row_ind[at(q)];
+      made.source[at(to)] = q;
     }
   for (std::size_t k = 0; k < border.entries.size(); ++k) {
     const Border::Entry& e = border.entries[k];
     const Offset to = next[column(e)]++;
     made.a.row_ind[to] = e.upper ? e.inner : n + e.border;
-    made.source[static_cast<std::size_t>(to)] = a.nonzeros() + static_cast<Offset>(k);
+    made.source[at(to)] = a.nonzeros() + static_cast<Offset>(k);
   }
   return made;
 }

@@ -35,8 +35,8 @@ void copy_numbers(const PreparedMatrix& p, const Value* from, Value* to, base::T
   std::vector<Value> sums;
   if (!p.target.empty()) {
     const Offset most = *std::max_element(p.target.begin(), p.target.end());
-    sums.assign(static_cast<std::size_t>(most) + 1, Value(0));
-    for (std::size_t q = 0; q < p.target.size(); ++q) sums[static_cast<std::size_t>(p.target[q])] += from[q];
+    sums.assign(at(most) + 1, Value(0));
+    for (std::size_t q = 0; q < p.target.size(); ++q) sums[at(p.target[q])] += from[q];
     from = sums.data();
   }
   pool.for_each_range(p.a.nonzeros(), kEntriesAtOnce, [&](std::int64_t begin, std::int64_t end) {
@@ -44,8 +44,8 @@ void copy_numbers(const PreparedMatrix& p, const Value* from, Value* to, base::T
       std::copy(from + begin, from + end, to + begin);
       return;
     }
-    for (auto q = static_cast<std::size_t>(begin); q < static_cast<std::size_t>(end); ++q) {
-      const Value value = from[static_cast<std::size_t>(p.source[q])];
+    for (auto q = at(begin); q < at(end); ++q) {
+      const Value value = from[at(p.source[q])];
       to[q] = !p.turned.empty() && p.turned[q] != 0 ? base::conjugate(value) : value;
     }
   });
@@ -57,16 +57,15 @@ std::vector<double> numbers_by_caller(const PreparedMatrix& p, const Value* valu
   if (!p.source.empty()) {
     merged.assign(static_cast<std::size_t>(*std::max_element(p.source.begin(), p.source.end())) + 1, Value(0));
     for (std::size_t q = 0; q < p.source.size(); ++q)
-      if (p.turned.empty() || p.turned[q] == 0) merged[static_cast<std::size_t>(p.source[q])] = values[q];
+      if (p.turned.empty() || p.turned[q] == 0) merged[at(p.source[q])] = values[q];
   }
   if (!p.target.empty()) {
     std::vector<Value> all(p.target.size());
-    for (std::size_t q = 0; q < p.target.size(); ++q)
-      all[q] = std::exchange(merged[static_cast<std::size_t>(p.target[q])], Value(0));
+    for (std::size_t q = 0; q < p.target.size(); ++q) all[q] = std::exchange(merged[at(p.target[q])], Value(0));
     merged = std::move(all);
   }
   const double* parts = reinterpret_cast<const double*>(merged.data());
-  return {parts, parts + merged.size() * static_cast<std::size_t>(base::parts_of(p.numbers))};
+  return {parts, parts + merged.size() * at(base::parts_of(p.numbers))};
 }
 
 }  // namespace

@@ -41,7 +41,7 @@ SparseMatrix part_of(const MatrixView& a, const Values& values, std::span<const 
     for (Index k = 0; k < size; ++k)
       for (Offset e = a.col_ptr[at(order[at(k)])]; e < a.col_ptr[at(order[at(k)]) + 1]; ++e)
         if (const Index other = local[at(a.row_ind[e])]; other >= 0)
-          use(std::max(k, other), std::min(k, other), values[static_cast<std::size_t>(e)]);
+          use(std::max(k, other), std::min(k, other), values[at(e)]);
   };
   for_each([&](Index r, Index c, double value) {
     ++part.col_ptr[at(c) + 1];
@@ -52,13 +52,13 @@ SparseMatrix part_of(const MatrixView& a, const Values& values, std::span<const 
     s = 1 / std::sqrt(s);
   }
   std::partial_sum(part.col_ptr.begin(), part.col_ptr.end(), part.col_ptr.begin());
-  part.row_ind.resize(static_cast<std::size_t>(part.nonzeros()));
+  part.row_ind.resize(at(part.nonzeros()));
   part.values.resize(part.row_ind.size());
   std::vector<Offset> next(part.col_ptr.begin(), part.col_ptr.end() - 1);
   for_each([&](Index r, Index c, double value) {
     const Offset e = next[at(c)]++;
-    part.row_ind[static_cast<std::size_t>(e)] = r;
-    part.values[static_cast<std::size_t>(e)] = value * scale[at(r)] * scale[at(c)];
+    part.row_ind[at(e)] = r;
+    part.values[at(e)] = value * scale[at(r)] * scale[at(c)];
   });
   return part;
 }

@@ -128,8 +128,7 @@ class ColumnMoves {
               base::ThreadPool& pool)
       : now_(difference.now), move_(at(now.cols)) {
     pool.for_each_range(now.cols, kColumnsTogether, [&](std::int64_t begin, std::int64_t end) {
-      for (auto c = static_cast<std::size_t>(begin); c < static_cast<std::size_t>(end); ++c)
-        move_[c] = now.col_ptr[c] - before.col_ptr[c];
+      for (auto c = at(begin); c < at(end); ++c) move_[c] = now.col_ptr[c] - before.col_ptr[c];
     });
     for (const Index c : difference.columns) move_[at(c)] = kOneByOne;
   }
@@ -175,7 +174,7 @@ std::shared_ptr<const matrix::RowIndex> follow_rows(const matrix::RowIndex& was,
   pool.for_each_range(now.rows, kColumnsTogether, [&](std::int64_t begin, std::int64_t end) {
     auto next = std::lower_bound(added.begin(), added.end(), begin,
                                  [](const NewEntry& e, std::int64_t row) { return e.row < row; });
-    for (auto r = static_cast<std::size_t>(begin); r < static_cast<std::size_t>(end); ++r) {
+    for (auto r = at(begin); r < at(end); ++r) {
       Offset to = made->ptr[r];
       const auto append_entry = [&](Index col, Offset source) {
         made->col[to] = col;

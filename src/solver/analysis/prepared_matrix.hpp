@@ -78,9 +78,7 @@ struct PreparedMatrix {
   [[nodiscard]] Index n() const { return a.cols; }
   /// Whether the caller's values are those of `a`, one by one and unchecked.
   [[nodiscard]] bool keeps_order() const { return target.empty() && source.empty() && !symmetric_values; }
-  [[nodiscard]] Index row_of(Index col) const {
-    return row_of_col.empty() ? col : row_of_col[static_cast<std::size_t>(col)];
-  }
+  [[nodiscard]] Index row_of(Index col) const { return row_of_col.empty() ? col : row_of_col[at(col)]; }
   /// Bytes of all arrays.
   [[nodiscard]] Offset bytes() const;
 };

@@ -32,7 +32,7 @@ Offset first_of(const MatrixView& a, Index c, Offset diagonals, const Triangle& 
 template <class Use>
 void visit_blocks(const MatrixView& a, Index c, Offset first, Offset second, const Triangle& stored, Use&& use) {
   for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q) {
-    const bool diagonal = a.row_ind[static_cast<std::size_t>(q)] == c;
+    const bool diagonal = a.row_ind[at(q)] == c;
     use(q, first++, 0, 0);
     if (!diagonal || stored.lower) use(q, first++, 1, 0);
     if (!diagonal || stored.upper) use(q, second++, 0, 1);
@@ -69,19 +69,17 @@ std::shared_ptr<const RealForm> make_real_form(const PreparedMatrix& p, analysis
   for (Index c = 0; c < n; ++c) {
     const Offset entries = a.col_ptr[at(c) + 1] - a.col_ptr[at(c)];
     Offset here = 0;
-    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q)
-      here += a.row_ind[static_cast<std::size_t>(q)] == c ? 1 : 0;
+    for (Offset q = a.col_ptr[at(c)]; q < a.col_ptr[at(c) + 1]; ++q) here += a.row_ind[at(q)] == c ? 1 : 0;
     made->a.col_ptr[2 * at(c) + 1] = first_of(a, c, diagonals, stored) + 2 * entries - (stored.lower ? 0 : here);
     diagonals += here;
     made->a.col_ptr[2 * at(c) + 2] = first_of(a, c + 1, diagonals, stored);
   }
-  made->a.row_ind.resize(static_cast<std::size_t>(made->a.col_ptr[2 * at(n)]));
+  made->a.row_ind.resize(at(made->a.col_ptr[2 * at(n)]));
   pool.for_each_range(n, kColumns, [&](std::int64_t begin, std::int64_t end) {
     for (auto c = static_cast<Index>(begin); c < end; ++c)
-      visit_blocks(a, c, made->a.col_ptr[2 * at(c)], made->a.col_ptr[2 * at(c) + 1], stored,
-                   [&](Offset q, Offset to, Index row, Index) {
-                     made->a.row_ind[static_cast<std::size_t>(to)] = 2 * a.row_ind[static_cast<std::size_t>(q)] + row;
-                   });
+      visit_blocks(
+          a, c, made->a.col_ptr[2 * at(c)], made->a.col_ptr[2 * at(c) + 1], stored,
+          [&](Offset q, Offset to, Index row, Index) { made->a.row_ind[at(to)] = 2 * a.row_ind[at(q)] + row; });
   });
   made->row_of_col.reserve(2 * p.row_of_col.size());
   for (const Index r : p.row_of_col)

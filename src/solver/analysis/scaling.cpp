@@ -46,7 +46,7 @@ double permutation_sign(const std::vector<Index>& p) {
   for (std::size_t k = 0; k < p.size(); ++k) {
     if (seen[k] != 0) continue;
     seen[k] = 1;
-    for (auto q = static_cast<std::size_t>(p[k]); q != k; q = static_cast<std::size_t>(p[q])) {
+    for (auto q = at(p[k]); q != k; q = at(p[q])) {
       seen[q] = 1;
       sign = -sign;
     }
@@ -67,10 +67,9 @@ std::vector<double> sizes_with_zeros(const MatrixView& a, const std::vector<doub
   constexpr double kLeast = 0x1p-20, kZero = 0x1p-40;
   std::vector<double> sizes(a.values.size());
   for (std::size_t c = 0; c < col.size(); ++c)
-    for (auto q = static_cast<std::size_t>(a.col_ptr[c]); q < static_cast<std::size_t>(a.col_ptr[c + 1]); ++q) {
+    for (auto q = at(a.col_ptr[c]); q < at(a.col_ptr[c + 1]); ++q) {
       const double size = std::abs(a.values[q]);
-      sizes[q] =
-          size > 0 ? std::clamp(size * row[static_cast<std::size_t>(a.row_ind[q])] * col[c], kLeast, 1.0) : kZero;
+      sizes[q] = size > 0 ? std::clamp(size * row[at(a.row_ind[q])] * col[c], kLeast, 1.0) : kZero;
     }
   return sizes;
 }
@@ -166,8 +165,8 @@ void match_symmetric(PreparedMatrix& p, MatrixView a, bool partners_needed, base
 void match_the_rest(std::vector<Index>& row_of_col) {
   std::vector<Index> rows = unmatched_rows(row_of_col);
   std::erase_if(rows, [&](Index r) {
-    const bool own = row_of_col[static_cast<std::size_t>(r)] < 0;
-    if (own) row_of_col[static_cast<std::size_t>(r)] = r;
+    const bool own = row_of_col[at(r)] < 0;
+    if (own) row_of_col[at(r)] = r;
     return own;
   });
   auto next = rows.begin();
@@ -203,7 +202,7 @@ void match_general(PreparedMatrix& p, const MatrixView& a, bool partners_needed,
 void refuse_zero_rows(const PreparedMatrix& p) {
   const std::vector<double> sizes = sizes_for_scaling(p.numbers, p.a.values);
   const std::span<const double> values = sizes.empty() ? std::span<const double>(p.a.values) : sizes;
-  std::vector<Index> partner(static_cast<std::size_t>(p.n()), -1);
+  std::vector<Index> partner(at(p.n()), -1);
   for (Index j = 0; j < p.n(); ++j)
     for (Offset k = p.a.col_ptr[at(j)]; k < p.a.col_ptr[at(j) + 1]; ++k)
       if (values[at(k)] != 0) partner[at(j)] = j, partner[at(p.a.row_ind[at(k)])] = p.a.row_ind[at(k)];

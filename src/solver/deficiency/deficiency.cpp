@@ -52,7 +52,7 @@ Index negative_suspects(const DeficiencyJob& job, const Directions& d, Index zer
   const std::vector<double> ritz = ritz_values(job.pool, d.q, d.y);
   const Index end = std::min(d.q.columns, parts * job.suspects);
   Index negative = 0;
-  for (Index k = parts * zeros; k < end; ++k) negative += ritz[static_cast<std::size_t>(k)] < 0 ? 1 : 0;
+  for (Index k = parts * zeros; k < end; ++k) negative += ritz[at(k)] < 0 ? 1 : 0;
   return whole(negative, parts);
 }
 
@@ -69,7 +69,7 @@ Directions other_side(const NullSpaceIteration& search, Directions& d, Deficienc
   // Singular values are those of both sides; where estimates of the first that is none of zero differ, another zero
   // may hide between them.
   constexpr double kAlike = 1.5;
-  const auto next = static_cast<std::size_t>(parts * found.zeros);
+  const auto next = at(parts * found.zeros);
   const bool alike = !other.found || next >= d.values.size() ||
                      (d.values[next] < kAlike * other.values[next] && other.values[next] < kAlike * d.values[next]);
   found.doubtful = found.doubtful || !other.solved || !alike;
@@ -99,7 +99,7 @@ Deficiency find_deficiency(const DeficiencyJob& job) {
   Directions other;
   if (two_sided) other = other_side(search, d, found);
   const Index columns = d.q.columns, taken = std::min(columns, parts * found.zeros);
-  const auto last = static_cast<std::size_t>(taken - 1);
+  const auto last = at(taken - 1);
   constexpr double kBlurred = 16;
   found.worst = std::max(d.values[last], other.found ? other.values[last] : 0) / search.matrix().norm();
   found.doubtful = found.doubtful || found.worst > kBlurred * zero_singular_value(job.kind, job.prepared.n());

@@ -38,7 +38,7 @@ class ScaledMatrix {
 
   /// From B's unknowns to the caller's.
   [[nodiscard]] double unscaled(Index i, double v, bool transpose) const {
-    return v * (transpose ? row_ : col_)[static_cast<std::size_t>(i / parts_)];
+    return v * (transpose ? row_ : col_)[at(i / parts_)];
   }
   /// From op(B) to the caller's op(A), a transpose instead of A^H.
   void to_caller(RankCorrection& c, bool transpose) const;

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numeric>
 
+#include "base/at.hpp"
+
 namespace espalier::solver {
 
 namespace {
@@ -122,7 +124,7 @@ void rotate_triangle(base::ThreadPool& pool, Block& y, Block& q) {
 void pick(Block& x, const std::vector<Index>& order) {
   const Block from = x;
   for (Index c = 0; c < x.columns; ++c) {
-    const double* source = from.column(order[static_cast<std::size_t>(c)]);
+    const double* source = from.column(order[at(c)]);
     std::copy(source, source + x.rows, x.column(c));
   }
 }
@@ -131,9 +133,9 @@ void pick(Block& x, const std::vector<Index>& order) {
 
 double dot(base::ThreadPool& pool, const double* x, const double* y, Index n) {
   if (n <= kRowsAtOnce) return dot_of_range(x, y, n);
-  std::vector<double> parts(static_cast<std::size_t>((n + kRowsAtOnce - 1) / kRowsAtOnce));
+  std::vector<double> parts(at((n + kRowsAtOnce - 1) / kRowsAtOnce));
   for_rows(pool, n, [&](Index begin, Index end) {
-    parts[static_cast<std::size_t>(begin / kRowsAtOnce)] = dot_of_range(x + begin, y + begin, end - begin);
+    parts[at(begin / kRowsAtOnce)] = dot_of_range(x + begin, y + begin, end - begin);
   });
   return std::accumulate(parts.begin(), parts.end(), 0.0);
 }
@@ -201,13 +203,11 @@ std::vector<double> rotate_apart(base::ThreadPool& pool, Block& y, Block& q) {
     rotate_triangle(pool, y, q);
   else
     rotate_all(pool, y, q);
-  std::vector<double> length(static_cast<std::size_t>(y.columns));
-  for (Index c = 0; c < y.columns; ++c) length[static_cast<std::size_t>(c)] = norm_two(pool, y.column(c), y.rows);
+  std::vector<double> length(at(y.columns));
+  for (Index c = 0; c < y.columns; ++c) length[at(c)] = norm_two(pool, y.column(c), y.rows);
   std::vector<Index> order(length.size());
   std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) {
-    return length[static_cast<std::size_t>(a)] < length[static_cast<std::size_t>(b)];
-  });
+  std::stable_sort(order.begin(), order.end(), [&](Index a, Index b) { return length[at(a)] < length[at(b)]; });
   pick(y, order);
   pick(q, order);
   std::sort(length.begin(), length.end());
@@ -230,8 +230,8 @@ std::vector<double> ritz_values(base::ThreadPool& pool, const Block& x, const Bl
         rotate(s.column(i), s.column(j), p, r);
         for (Index c = 0; c < p; ++c) rotate(s.column(c) + i, s.column(c) + j, 1, r);
       }
-  std::vector<double> values(static_cast<std::size_t>(p));
-  for (Index i = 0; i < p; ++i) values[static_cast<std::size_t>(i)] = s.column(i)[i];
+  std::vector<double> values(at(p));
+  for (Index i = 0; i < p; ++i) values[at(i)] = s.column(i)[i];
   std::sort(values.begin(), values.end(), [](double a, double b) { return std::abs(a) < std::abs(b); });
   return values;
 }

@@ -5,6 +5,7 @@
 
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/thread_pool.hpp"
 #include "espalier/types.hpp"
 
@@ -17,9 +18,7 @@ struct Block {
   std::vector<double> values;  ///< rows * columns
 
   Block(Index the_rows, Index the_columns)
-      : rows(the_rows),
-        columns(the_columns),
-        values(static_cast<std::size_t>(the_rows) * static_cast<std::size_t>(the_columns), 0.0) {}
+      : rows(the_rows), columns(the_columns), values(at(the_rows) * at(the_columns), 0.0) {}
   [[nodiscard]] double* column(Index c) { return values.data() + Offset{c} * rows; }
   [[nodiscard]] const double* column(Index c) const { return values.data() + Offset{c} * rows; }
 };

@@ -156,7 +156,7 @@ void Factor::factorize_device(const double* values, Offset count, void* queue) {
   device->expect_reachable(values, "Solver::refactorize_device: the values");
   device->wait_for(queue);
   if (!analysis_->system->prepared.keeps_order()) {
-    std::vector<double> copy(static_cast<std::size_t>(count));
+    std::vector<double> copy(at(count));
     device->fetch(copy.data(), values, count);
     return factorize(copy);
   }

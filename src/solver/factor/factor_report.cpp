@@ -88,8 +88,7 @@ void forget_rank(FactorResult& r) {
 
 std::vector<Index> columns_of(const Analysis& analysis, const std::vector<Index>& positions) {
   std::vector<Index> columns;
-  for (const Index p : positions)
-    columns.push_back(analysis.system->unknown_of(analysis.plan.tree.order[static_cast<std::size_t>(p)]));
+  for (const Index p : positions) columns.push_back(analysis.system->unknown_of(analysis.plan.tree.order[at(p)]));
   std::sort(columns.begin(), columns.end());
   columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
   return columns;

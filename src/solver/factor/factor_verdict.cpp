@@ -219,7 +219,7 @@ Growth growth_of(std::span<const double> b, std::span<const double> x, Index par
   const auto& of_x = transpose ? scales.row : scales.col;
   Growth g;
   for (std::size_t i = 0; i < b.size(); ++i) {
-    const std::size_t row = i / static_cast<std::size_t>(parts);
+    const std::size_t row = i / at(parts);
     g.given = std::max(g.given, std::abs(of_b.empty() ? b[i] : b[i] * of_b[row]));
     g.found = std::max(g.found, std::abs(of_x.empty() ? x[i] : x[i] / of_x[row]));
   }

@@ -44,7 +44,7 @@ Positions pivots_to_move(const plan::Plan& plan, const device::FactorOutcome& ou
   const Positions bad = zeros_stay ? outcome.failed : together(outcome.failed, outcome.replaced);
   if (bad.empty()) return moved;
   const auto& tree = plan.tree;
-  std::vector<char> below(static_cast<std::size_t>(tree.fronts()), 0);  // 1: a failure in the sub-tree below
+  std::vector<char> below(at(tree.fronts()), 0);  // 1: a failure in the sub-tree below
   for (Index f = 0; f < tree.fronts(); ++f) {
     const Index first = tree.first[f], end = tree.first[f + 1];
     std::span<const Index> here = within(bad, first, end);

@@ -138,8 +138,8 @@ void take_facts(const FactorReader& r, const FactorFacts& facts, FactorContents&
 }
 
 void check_contents(const FactorReader& r, const std::string& path, const FactorContents& c) {
-  const auto parts = static_cast<std::size_t>(base::parts_of(c.numbers));
-  if (c.col_ptr.size() != static_cast<std::size_t>(c.n) + 1 || c.values.size() != parts * c.row_ind.size())
+  const auto parts = at(base::parts_of(c.numbers));
+  if (c.col_ptr.size() != at(c.n) + 1 || c.values.size() != parts * c.row_ind.size())
     r.fail("the sizes of its matrix do not fit each other");
   if (const std::string wrong = wrong_with(c.analysis); !wrong.empty()) r.fail("its analysis is not valid: " + wrong);
   try {

@@ -20,16 +20,16 @@ DeviceChoice devices_of(const device::Backend& backend, const device::FoundDevic
                         std::string reason) {
   DeviceChoice choice;
   choice.backend = &backend;
-  const std::string& first = found.names[static_cast<std::size_t>(numbers.front())];
-  choice.unequal = std::any_of(numbers.begin(), numbers.end(),
-                               [&](int number) { return found.names[static_cast<std::size_t>(number)] != first; });
+  const std::string& first = found.names[at(numbers.front())];
+  choice.unequal =
+      std::any_of(numbers.begin(), numbers.end(), [&](int number) { return found.names[at(number)] != first; });
   choice.numbers = std::move(numbers);
   choice.reason = std::move(reason);
   return choice;
 }
 
 std::vector<int> first_devices(int count) {
-  std::vector<int> numbers(static_cast<std::size_t>(count));
+  std::vector<int> numbers(at(count));
   std::iota(numbers.begin(), numbers.end(), 0);
   return numbers;
 }
@@ -169,9 +169,9 @@ double rounded_speed(double flops, double best) {
 // How fast the devices of ranks are, where they are not all of one kind: each rank measures its own. None can be left
 // out. Collective.
 void measure_unequal(DeviceChoice& choice, ranks::Communicator& link) {
-  const int number = choice.numbers[static_cast<std::size_t>(link.rank())];
+  const int number = choice.numbers[at(link.rank())];
   std::string mine;
-  link.expect_all([&] { mine = choice.backend->find().names.at(static_cast<std::size_t>(number)); });
+  link.expect_all([&] { mine = choice.backend->find().names.at(at(number)); });
   const auto names = link.all_gather(std::as_bytes(std::span(mine)));
   if (std::count(names.begin(), names.end(), names.front()) == link.size()) return;
   double flops = 0;

@@ -185,7 +185,7 @@ Offset parse_bytes(std::string_view text) {
   double number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number, std::chars_format::fixed);
   if (error != std::errc{}) reject("size", text, expected);
-  std::string_view unit = text.substr(static_cast<std::size_t>(end - text.data()));
+  std::string_view unit = text.substr(at(end - text.data()));
   while (unit.starts_with(' ')) unit.remove_prefix(1);
   const int power = power_of(unit);
   const double bytes = std::ldexp(number, 10 * std::max(power, 0));

@@ -13,7 +13,7 @@ namespace espalier::solver {
 
 namespace {
 
-std::size_t doubles_in_number(const Session& s) { return static_cast<std::size_t>(s.current().system->parts()); }
+std::size_t doubles_in_number(const Session& s) { return at(s.current().system->parts()); }
 
 void factorize_part(Session& s, Factor& factor, std::span<const double> values) {
   const GatheredMatrix::Slice own = s.gathered.own_slice(values, s.link());
@@ -25,23 +25,23 @@ SolveResult solve_rows(Session& s, std::span<const double> b, std::span<double> 
   const RowRange rows = rows_of(s);
   if (columns < 1) throw Error(StatusCode::invalid_input, "at least one right-hand side is needed");
   const std::size_t doubles = doubles_in_number(s);
-  const std::size_t column = doubles * static_cast<std::size_t>(rows.count);
-  const std::size_t need = column * static_cast<std::size_t>(columns);
+  const std::size_t column = doubles * at(rows.count);
+  const std::size_t need = column * at(columns);
   if (b.size() < need || x.size() < need)
     throw Error(StatusCode::invalid_input,
                 fmt::format("{} right-hand sides of {} rows need {} values on this rank; b has {}, x has {}", columns,
                             rows.count, need / doubles, b.size() / doubles, x.size() / doubles));
   std::vector<double> all = s.gathered.gather_rows(b.first(need), rows, columns, s.link());
   SolveResult result = whole(all.data());
-  const std::size_t n = doubles * static_cast<std::size_t>(s.current().n());
-  for (std::size_t c = 0; c < static_cast<std::size_t>(columns); ++c)
-    std::copy_n(all.data() + c * n + doubles * static_cast<std::size_t>(rows.first), column, x.data() + c * column);
+  const std::size_t n = doubles * at(s.current().n());
+  for (std::size_t c = 0; c < at(columns); ++c)
+    std::copy_n(all.data() + c * n + doubles * at(rows.first), column, x.data() + c * column);
   return result;
 }
 
 // Values [0, count) of an array of the device, on the host.
 std::vector<double> fetched(device::DeviceLinearSystem& device, const double* from, Offset count) {
-  std::vector<double> copy(static_cast<std::size_t>(count));
+  std::vector<double> copy(at(count));
   if (count > 0) device.fetch(copy.data(), from, count);
   return copy;
 }
@@ -95,7 +95,7 @@ FactorResult refactorize_part_device(Session& s, const double* values, Offset co
       device->wait_for(queue);
     }
     if (!s.gathered.is_of_first()) return factorize_part(s, factor, fetched(*device, values, mine));
-    factor.factorize({{values, static_cast<std::size_t>(mine)},
+    factor.factorize({{values, at(mine)},
                       0,
                       [&] {
                         return std::move(

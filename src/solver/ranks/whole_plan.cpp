@@ -14,15 +14,14 @@ analysis::AssemblyTree whole_tree(const plan::Plan& plan, ranks::Communicator* l
   std::vector<Index> mine;
   for (Index f = 0; f < plan.fronts(); ++f)
     if (plan::first_keeper(plan, f) == link->rank())
-      mine.insert(mine.end(), plan.rows_below(f),
-                  plan.rows_below(f) + plan.layout[static_cast<std::size_t>(f)].below());
+      mine.insert(mine.end(), plan.rows_below(f), plan.rows_below(f) + plan.layout[at(f)].below());
   const auto parts = link->all_gather_of(std::span<const Index>(mine));
-  tree.rows.resize(static_cast<std::size_t>(tree.row_ptr.back()));
+  tree.rows.resize(at(tree.row_ptr.back()));
   std::vector<std::vector<Index>::const_iterator> next;
   for (const std::vector<Index>& part : parts) next.push_back(part.begin());
   for (Index f = 0; f < plan.fronts(); ++f) {
-    auto& from = next[static_cast<std::size_t>(plan::first_keeper(plan, f))];
-    std::copy_n(from, tree.rows_below(f), tree.rows.begin() + tree.row_ptr[static_cast<std::size_t>(f)]);
+    auto& from = next[at(plan::first_keeper(plan, f))];
+    std::copy_n(from, tree.rows_below(f), tree.rows.begin() + tree.row_ptr[at(f)]);
     from += tree.rows_below(f);
   }
   return tree;

@@ -115,7 +115,7 @@ SolveResult ComplexSolver::solve(std::span<const Value> b, std::span<Value> x, I
     return solver::solve_part(*impl_, parts_of(b), {to, 2 * x.size()}, columns,
                               [&](double* all) { return solve_whole(*impl_, all, all, columns, transpose); });
   const Index n = impl_->current().n();
-  const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
+  const auto size = at(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
   if (columns < 1 || b.size() != size || x.size() != size)
     throw std::invalid_argument(
         fmt::format("ComplexSolver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns,

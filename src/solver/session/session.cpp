@@ -85,7 +85,7 @@ Session::Session(const Session& other, int threads)
   if (!other.factor) return;
   Values values;
   const System& system = *other.current().system;
-  values.resize(static_cast<std::size_t>(system.prepared.a.nonzeros() * system.parts()));
+  values.resize(at(system.prepared.a.nonzeros() * system.parts()));
   factor.emplace(other.factor->analysis(), std::move(values), context);
   analysis = other.analysis;
 }
@@ -245,10 +245,10 @@ std::vector<Solver::TierRow> tiers_of(const Session& s) {
   if (!s.factor) return rows;
   const plan::Plan& p = s.current().plan;
   const double per_flop = s.current().flops() / p.flops;
-  rows.resize(static_cast<std::size_t>(s.analysis.tiers));
+  rows.resize(at(s.analysis.tiers));
   for (Index f = 0; f < p.fronts(); ++f) {
-    if (static_cast<std::size_t>(p.tier[f]) >= rows.size()) rows.resize(static_cast<std::size_t>(p.tier[f]) + 1);
-    Solver::TierRow& r = rows[static_cast<std::size_t>(p.tier[f])];
+    if (at(p.tier[f]) >= rows.size()) rows.resize(at(p.tier[f]) + 1);
+    Solver::TierRow& r = rows[at(p.tier[f])];
     const double k = p.layout[f].pivots;
     const double m = p.layout[f].rows;
     r.tier = p.tier[f];

@@ -95,7 +95,7 @@ inline FactorResult refactorize_entries(Session& s, const char* call, std::span<
   check_factorized(s, call);
   if (s.parts || s.link() != nullptr)
     throw std::logic_error(fmt::format("{}: the matrix comes in parts; give all values", call));
-  const std::size_t parts = static_cast<std::size_t>(base::parts_of(s.current().system->numbers()));
+  const std::size_t parts = at(base::parts_of(s.current().system->numbers()));
   if (values.size() != parts * places.size())
     throw std::invalid_argument(fmt::format("{}: {} values for {} places", call, values.size() / parts, places.size()));
   std::vector<double> all, before;

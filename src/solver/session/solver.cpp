@@ -113,7 +113,7 @@ SolveResult Solver::solve(std::span<const double> b, std::span<double> x, Index 
       return solver::solve(*impl_->factor, {all, all, columns, transpose != Transpose::no}, impl_->context);
     });
   const Index n = impl_->current().n();
-  const auto size = static_cast<std::size_t>(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
+  const auto size = at(n) * static_cast<std::size_t>(std::max<Index>(columns, 0));
   if (columns < 1 || b.size() != size || x.size() != size)
     throw std::invalid_argument(
         fmt::format("Solver::solve: {} right-hand sides of {} rows need {} values; b has {}, x has {}", columns, n,

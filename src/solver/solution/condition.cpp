@@ -6,6 +6,7 @@
 #include <numeric>
 #include <vector>
 
+#include "base/at.hpp"
 #include "base/mix.hpp"
 
 namespace espalier::solver {
@@ -25,10 +26,7 @@ std::complex<double> sign_of(std::complex<double> x) {
 // n x columns, column-major.
 template <class Value>
 struct Probes {
-  Probes(Index the_n, Index the_columns)
-      : n(static_cast<std::size_t>(the_n)),
-        columns(static_cast<std::size_t>(the_columns)),
-        values(n * columns, Value(0)) {}
+  Probes(Index the_n, Index the_columns) : n(at(the_n)), columns(at(the_columns)), values(n * columns, Value(0)) {}
   Value* column(std::size_t c) { return values.data() + c * n; }
 
   std::size_t n, columns;
@@ -53,7 +51,7 @@ double exact_inverse_norm(Index n, const InverseProduct<Value>& solve) {
   for (Index begin = 0; begin < n; begin += kTogether) {
     const Index columns = std::min(kTogether, n - begin);
     Probes<Value> x(n, columns), y(n, columns);
-    for (Index c = 0; c < columns; ++c) x.column(static_cast<std::size_t>(c))[begin + c] = 1;
+    for (Index c = 0; c < columns; ++c) x.column(at(c))[begin + c] = 1;
     solve(x.values.data(), y.values.data(), columns, false);
     if (const double norm = largest_norm(y); !(norm <= most)) most = norm;
   }

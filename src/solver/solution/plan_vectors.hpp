@@ -72,7 +72,7 @@ class PlanVectors {
     const std::vector<double>& factors = transpose ? scales.col : scales.row;
     pool_.for_each_range(plan.tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const auto [col, part] = unknown_of(plan.tree.order[static_cast<std::size_t>(k)]);
+        const auto [col, part] = unknown_of(plan.tree.order[at(k)]);
         const Index i = transpose ? col : prepared_.row_of(col);
         const double scale = factor_of(factors, i);
         const double s = conjugated && part == 1 ? -scale : scale;
@@ -95,7 +95,7 @@ class PlanVectors {
     const std::vector<double>& factors = transpose ? scales.row : scales.col;
     pool_.for_each_range(plan.tree.n, kRows, [&](std::int64_t begin, std::int64_t end) {
       for (auto k = begin; k < end; ++k) {
-        const auto [col, part] = unknown_of(plan.tree.order[static_cast<std::size_t>(k)]);
+        const auto [col, part] = unknown_of(plan.tree.order[at(k)]);
         const Index i = transpose ? prepared_.row_of(col) : col;
         const double s = factor_of(factors, i);
         const T* row = from + k * width;

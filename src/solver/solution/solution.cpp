@@ -200,7 +200,7 @@ Status lost_in_null_space(Factor& factor, const SolveJob& job) {
     return most;
   };
   std::vector<double> rest(n);
-  for (std::size_t c = 0; c < static_cast<std::size_t>(job.columns); ++c) {
+  for (std::size_t c = 0; c < at(job.columns); ++c) {
     const double* b = job.b + c * n;
     solve::ResidualColumn column{b, job.x + c * n, rest.data(), {}};
     factor.residual_space()->compute(std::span(&column, 1), job.transpose);
@@ -219,7 +219,7 @@ Status lost_in_null_space(Factor& factor, const SolveJob& job) {
 SolveResult solve(Factor& factor, const SolveJob& asked, const Context& context) {
   const double start = base::now_seconds();
   SolveJob job = asked;
-  const auto size = static_cast<std::size_t>(factor.analysis()->doubles()) * static_cast<std::size_t>(job.columns);
+  const auto size = static_cast<std::size_t>(factor.analysis()->doubles()) * at(job.columns);
   // b is needed after x has been written where somebody looks at x, takes another factor, or a device gives up.
   const bool in_place = job.b == job.x && nobody_looks(context.options) &&
                         context.options.precision == Precision::fp64 && factor.numeric().device_system() == nullptr;
@@ -255,7 +255,7 @@ SolveResult solve_device(Factor& factor, const SolveJob& asked, void* queue, con
   const device::Settled settled(*device);
   device->wait_for(queue);
   const Offset count = Offset{factor.analysis()->n()} * job.columns;
-  if (overlap(job.b, job.x, static_cast<std::size_t>(count))) {
+  if (overlap(job.b, job.x, at(count))) {
     double* copy = device->right_hand_sides(job.columns);
     device->copy_vectors(job.b, copy, count);
     job.b = copy;

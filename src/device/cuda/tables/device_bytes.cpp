@@ -16,7 +16,7 @@ Offset size_of(const Arrays&... arrays) {
 DeviceBytes bytes_of(const plan::Plan& plan, Kind kind, const DevicePlan& t, int self, Offset values, Offset scalar,
                      Offset spare) {
   DeviceBytes b;
-  const auto d = static_cast<std::size_t>(self);
+  const auto d = at(self);
   Offset arena = t.regions[0];
   for (std::size_t r = 1; r < t.regions.size(); ++r)
     if (t.region_device[r] == self) arena += t.regions[r];

@@ -27,7 +27,7 @@ class Builder {
   }
 
   DevicePlan build() {
-    d_.lists.resize(static_cast<std::size_t>(plan_.ownership.devices));
+    d_.lists.resize(at(plan_.ownership.devices));
     regions_ = plan::name_regions(plan_, peer_access_ && !mirrored_);
     d_.region_device = regions_.device;
     d_.first_stealable = regions_.first_stealable;
@@ -46,7 +46,7 @@ class Builder {
 
   void describe_fronts() {
     const auto& t = plan_.tree;
-    d_.fronts.resize(static_cast<std::size_t>(plan_.fronts()));
+    d_.fronts.resize(at(plan_.fronts()));
     pool_.for_each_range(plan_.fronts(), kFrontsPerRange, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<Index>(begin); f < end; ++f) {
         Front& x = d_.fronts[f];
@@ -78,7 +78,7 @@ class Builder {
       }
       x.link_end = static_cast<std::int32_t>(d_.links.size());
     }
-    d_.bounds.resize(static_cast<std::size_t>(bounds));
+    d_.bounds.resize(at(bounds));
     pool_.for_each_range(plan_.fronts(), kFrontsPerRange, [&](std::int64_t begin, std::int64_t end) {
       for (auto f = static_cast<Index>(begin); f < end; ++f)
         for (int l = d_.fronts[f].link_begin; l < d_.fronts[f].link_end; ++l) find_bounds(f, d_.links[l]);
@@ -120,7 +120,7 @@ class Builder {
       x.contribution = m.contribution[f];
       if (!m.factor2.empty()) x.second = m.factor2[f];
       if (!m.contribution2.empty()) x.contribution_up = m.contribution2[f];
-      auto& list = waits[static_cast<std::size_t>(x.region)];
+      auto& list = waits[at(x.region)];
       x.wait_begin = static_cast<std::int32_t>(list.size());
       list.insert(list.end(), m.wait_fronts.begin() + m.wait_ptr[f], m.wait_fronts.begin() + m.wait_ptr[f + 1]);
       x.wait_end = static_cast<std::int32_t>(list.size());
@@ -136,8 +136,8 @@ class Builder {
       d_.waits.insert(d_.waits.end(), list.begin(), list.end());
     }
     for (Front& x : d_.fronts) {
-      x.wait_begin += first[static_cast<std::size_t>(x.region)];
-      x.wait_end += first[static_cast<std::size_t>(x.region)];
+      x.wait_begin += first[at(x.region)];
+      x.wait_end += first[at(x.region)];
     }
   }
 
@@ -145,7 +145,7 @@ class Builder {
   // that nobody waits for a reader on another device.
   void place_top() {
     const auto& a = plan_.ownership;
-    d_.place_space.assign(static_cast<std::size_t>(a.devices), 0);
+    d_.place_space.assign(at(a.devices), 0);
     Offset end = 0;
     for (Index f = 0; f < plan_.fronts(); ++f) {
       Front& x = d_.fronts[f];
@@ -251,9 +251,9 @@ std::vector<double> transferred_elements(const plan::Plan& plan, Kind kind, cons
     const auto others = static_cast<unsigned>(x.members);
     if (x.region == 0)
       for (Index j = 0; j < x.pivot_tiles; ++j)
-        moved[static_cast<std::size_t>(plan.ownership.owner(f, j))] +=
-            copies * (std::popcount(others) - 1) * (x.column_end(j) - x.column_begin(j)) *
-            static_cast<double>(x.total_pad - x.column_begin(j));
+        moved[at(plan.ownership.owner(f, j))] += copies * (std::popcount(others) - 1) *
+                                                 (x.column_end(j) - x.column_begin(j)) *
+                                                 static_cast<double>(x.total_pad - x.column_begin(j));
     const auto readers = static_cast<unsigned>(x.readers);
     if (readers == 0) continue;
     // A reader that made a part of the contribution itself fetches only the rest.

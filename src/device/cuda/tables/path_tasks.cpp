@@ -9,7 +9,7 @@ PathTasks tasks_on_paths(const TaskLists& all, const FrontPaths& paths) {
     some.marks[f] = static_cast<unsigned char>((paths.up[f] != 0 ? kPathUp : 0) | (paths.down[f] != 0 ? kPathDown : 0));
     if (some.marks[f] != 0) some.fronts.push_back(static_cast<std::int32_t>(f));
   }
-  const auto mark = [&](const SolveTask& task) { return some.marks[static_cast<std::size_t>(task.front)]; };
+  const auto mark = [&](const SolveTask& task) { return some.marks[at(task.front)]; };
   for (std::size_t k = 0; k < all.up.size(); ++k) {
     if ((mark(all.up[k]) & kPathUp) == 0) continue;
     some.up.push_back(all.up[k]);

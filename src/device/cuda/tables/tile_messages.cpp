@@ -23,7 +23,7 @@ TileMessages::TileMessages(const plan::Plan& plan, Kind kind, const DevicePlan& 
 }
 
 void TileMessages::list_tiles(int device) {
-  auto& list = tiles_[static_cast<std::size_t>(device)];
+  auto& list = tiles_[at(device)];
   const auto add = [&](const FactorTask& task, bool contribution, unsigned devices) {
     devices &= ~(1u << device);
     if (devices == 0) return;
@@ -32,8 +32,8 @@ void TileMessages::list_tiles(int device) {
   };
   std::int32_t front = -1, column = -1;
   std::uint16_t readers = 0;  // of that column, whose row blocks follow each other
-  for (const FactorTask& task : tables_.lists[static_cast<std::size_t>(device)].tasks) {
-    const Front& f = tables_.fronts[static_cast<std::size_t>(task.front)];
+  for (const FactorTask& task : tables_.lists[at(device)].tasks) {
+    const Front& f = tables_.fronts[at(task.front)];
     const bool below = task.work == Work::whole ? f.below > 0 : task.column >= f.pivot_tiles;
     if (f.region == 0 && (task.work == Work::whole || !below)) add(task, false, f.members);
     if (!below || f.readers == 0) continue;
@@ -46,8 +46,8 @@ void TileMessages::list_tiles(int device) {
 
 // Flags of the row blocks of a column are neighbours.
 void TileMessages::join_tiles(int device) {
-  const auto& tiles = tiles_[static_cast<std::size_t>(device)];
-  auto& below = below_[static_cast<std::size_t>(device)];
+  const auto& tiles = tiles_[at(device)];
+  auto& below = below_[at(device)];
   below.assign(tiles.size(), -1);
   std::unordered_map<std::int64_t, std::int32_t> of_flag;
   for (std::size_t k = 0; k < tiles.size(); ++k)
@@ -55,14 +55,13 @@ void TileMessages::join_tiles(int device) {
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     if (tiles[k].task.work != Work::block) continue;
     const auto found = of_flag.find(flag(tiles[k]) + 1);
-    if (found != of_flag.end() && joined(tiles[k], tiles[static_cast<std::size_t>(found->second)]))
-      below[k] = found->second;
+    if (found != of_flag.end() && joined(tiles[k], tiles[at(found->second)])) below[k] = found->second;
   }
 }
 
 // Who makes a column of the parent that a tile column of the contribution reaches.
 std::uint16_t TileMessages::readers_of(const FactorTask& task) const {
-  const Front& f = tables_.fronts[static_cast<std::size_t>(task.front)];
+  const Front& f = tables_.fronts[at(task.front)];
   unsigned devices = 0;
   for (const Index d : plan::readers(plan_, task.front, task.work == Work::whole ? -1 : task.column - f.pivot_tiles))
     devices |= 1u << d;
@@ -131,7 +130,7 @@ void TileMessages::add_whole(const SentTile& tile, Pieces& to) const {
       to.add({Piece::Array::top, part == 0 ? f.factor : f.second, 0, f.factor_size(), 1});
       continue;
     }
-    const Place& place = tables_.places[static_cast<std::size_t>(f.place(0, part))];
+    const Place& place = tables_.places[at(f.place(0, part))];
     to.add({Piece::Array::places, place.offset, f.below_ld, f.below, f.below});
   }
   if (!tile.contribution)
@@ -155,7 +154,7 @@ void TileMessages::add_blocks(const SentTile& first, const SentTile& last, Piece
   const int col = f.column_begin(j), cols = f.column_end(j) - col, row = rows_of(first).begin, end = rows_of(last).end;
   if (j >= f.pivot_tiles) {
     const int r0 = row - f.pivot_pad, c0 = col - f.pivot_pad;
-    const Place& place = tables_.places[static_cast<std::size_t>(f.place(j - f.pivot_tiles, part))];
+    const Place& place = tables_.places[at(f.place(j - f.pivot_tiles, part))];
     to.add({Piece::Array::places, place.offset + (r0 - c0), f.below_ld - c0, std::min(end - row, f.below - r0),
             std::min(cols, f.below - c0)});
     return;

@@ -43,20 +43,14 @@ class TileMessages {
   TileMessages(const plan::Plan& plan, Kind kind, const DevicePlan& tables);
 
   /// In the order in which the device makes them.
-  [[nodiscard]] const std::vector<SentTile>& tiles(int device) const {
-    return tiles_[static_cast<std::size_t>(device)];
-  }
-  [[nodiscard]] const std::vector<SentUpdates>& updates(int device) const {
-    return updates_[static_cast<std::size_t>(device)];
-  }
+  [[nodiscard]] const std::vector<SentTile>& tiles(int device) const { return tiles_[at(device)]; }
+  [[nodiscard]] const std::vector<SentUpdates>& updates(int device) const { return updates_[at(device)]; }
   /// The flag that the maker sets, counted over both parts.
   [[nodiscard]] std::int64_t flag(const SentTile& tile) const;
   /// Whether tile `next` lies right below `tile`, so that both are one rectangle and their flags neighbours.
   [[nodiscard]] bool joined(const SentTile& tile, const SentTile& next) const;
   /// The tile that lies right below tile `k` of a device, in the device's list; -1: none.
-  [[nodiscard]] std::int64_t below(int device, std::size_t k) const {
-    return below_[static_cast<std::size_t>(device)][k];
-  }
+  [[nodiscard]] std::int64_t below(int device, std::size_t k) const { return below_[at(device)][k]; }
   /// use(piece) for what tiles `first` to `last`, each below the one before, are made of. Alike on sender and receiver.
   template <class Use>
   void for_pieces(const SentTile& first, const SentTile& last, Use&& use) const {
@@ -88,9 +82,7 @@ class TileMessages {
     int begin, end;
   };
 
-  [[nodiscard]] const Front& front_of(const SentTile& tile) const {
-    return tables_.fronts[static_cast<std::size_t>(tile.task.front)];
-  }
+  [[nodiscard]] const Front& front_of(const SentTile& tile) const { return tables_.fronts[at(tile.task.front)]; }
   [[nodiscard]] Rows rows_of(const SentTile& tile) const;
   [[nodiscard]] Pieces pieces(const SentTile& first, const SentTile& last) const;
   void add_whole(const SentTile& tile, Pieces& to) const;

@@ -73,7 +73,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     if (complete_ && plan_.options.keep_contributions) {
       state_->kept = unchanged_fronts(*state_, values, before, next_rule_, pool_);
       for (Index f = 0; f < plan_.fronts(); ++f)
-        if (!is_alone(f) || !takes(f)) state_->kept[static_cast<std::size_t>(f)] = 0;
+        if (!is_alone(f) || !takes(f)) state_->kept[at(f)] = 0;
     }
     return factorize(values);
   }
@@ -175,7 +175,7 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
 
   void take_tasks(int worker) {
     const double begin = base::now_seconds();
-    Workspace<T>& w = work_[static_cast<std::size_t>(worker)];
+    Workspace<T>& w = work_[at(worker)];
     std::optional<Driver> driver;
     if (worker == 0) driver.emplace(link_, [this](int from, const ranks::Message& m) { traffic_->take(from, m); });
     try {
@@ -222,12 +222,12 @@ class RankExecutor final : public Executor<T>, private SolveSharing<T> {
     for (const Index r : plan::keepers(plan_, parent))
       if (!plan::keeps_factor(plan_, f, r)) to.push_back(r);
     if (to.empty()) return;
-    ranks::Message m(static_cast<std::size_t>(count) * sizeof(T));
+    ranks::Message m(at(count) * sizeof(T));
     ranks::Header h;
     h.kind = static_cast<std::int32_t>(Cargo::solution_rows);
     h.front = f;
     m.set_header(h);
-    ranks::Writer(m.body()).write(rows, static_cast<std::size_t>(count));
+    ranks::Writer(m.body()).write(rows, at(count));
     link_.post(to, std::move(m));
   }
   void wait(const std::function<bool()>& done) override { driver_->wait(done); }

@@ -5,6 +5,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics::contact {
 namespace {
 
@@ -17,7 +19,7 @@ const T* shape_if(const PlacedShape& placed) {
   return std::get_if<T>(placed.shape);
 }
 
-std::size_t index_of(Index i) { return static_cast<std::size_t>(i); }
+std::size_t index_of(Index i) { return at(i); }
 
 Vec3 rim_point(const CylinderShape& c, int k) {
   static const auto kCircle = [] {

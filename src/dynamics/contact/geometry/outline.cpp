@@ -3,6 +3,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics::contact {
 namespace {
 
@@ -24,7 +26,7 @@ Outline turned(const std::vector<std::array<double, 2>>& profile) {
     }
   for (const Index ring : {Index{0}, rings - 1}) {
     const auto pole = static_cast<Index>(o.points.size());
-    o.points.emplace_back(0, 0, profile[static_cast<std::size_t>(ring)][1]);
+    o.points.emplace_back(0, 0, profile[at(ring)][1]);
     for (Index k = 0; k < kAround; ++k) {
       const Index a = ring * kAround + k, b = ring * kAround + (k + 1) % kAround;
       if (ring == 0)

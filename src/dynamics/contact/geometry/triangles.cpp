@@ -7,11 +7,13 @@
 #include <map>
 #include <stdexcept>
 
+#include "base/at.hpp"
+
 namespace espalier::dynamics::contact {
 
 namespace {
 
-std::size_t place_of(Index i) { return static_cast<std::size_t>(i); }
+std::size_t place_of(Index i) { return at(i); }
 
 /// One index for all points that coincide, in the order of their first appearance.
 std::vector<Index> merged_points(std::vector<Vec3>& points) {

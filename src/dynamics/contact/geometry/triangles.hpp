@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "base/at.hpp"
 #include "dynamics/contact/geometry/box_tree.hpp"
 #include "dynamics/mesh/mesh.hpp"
 
@@ -29,7 +30,7 @@ class TriangleSurface {
   [[nodiscard]] const std::vector<Vec3>& points() const { return points_; }
   [[nodiscard]] const std::vector<std::array<Index, 3>>& triangles() const { return triangles_; }
   [[nodiscard]] const std::vector<Edge>& edges() const { return edges_; }
-  [[nodiscard]] const Vec3& normal(Index triangle) const { return normals_[static_cast<std::size_t>(triangle)]; }
+  [[nodiscard]] const Vec3& normal(Index triangle) const { return normals_[at(triangle)]; }
   [[nodiscard]] const BoxTree& tree() const { return tree_; }            ///< of triangles
   [[nodiscard]] const BoxTree& edge_tree() const { return edge_tree_; }  ///< of ridges(), by their position there
   [[nodiscard]] const BoxTree& point_tree() const { return point_tree_; }

@@ -16,7 +16,7 @@ void LevelDerivatives::color() {
   std::vector<std::vector<Entry>> columns(at(p.cols));
   for (Index i = 0; i < p.rows; ++i)
     for (Offset k = p.ptr[at(i)]; k < p.ptr[at(i) + 1]; ++k) columns[at(p.ind[at(k)])].push_back({k, i, p.ind[at(k)]});
-  constexpr std::size_t kNone = static_cast<std::size_t>(-1);
+  constexpr std::size_t kNone = at(-1);
   std::vector<std::size_t> color_of(columns.size(), kNone), taken_by;
   colors_.clear();
   for (std::size_t j = 0; j < columns.size(); ++j) {

@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/deck/inp_deck.hpp"
 #include "dynamics/mesh/deck/point_algebra.hpp"
 
@@ -103,7 +104,7 @@ class InpConnectorReader {
     const std::int64_t about = f.integer(0, "axis", 1);
     const double angle = f.real(1, "angle", 0) * std::numbers::pi / 180;
     if (about < 1 || about > 3) fail(f.place(), fmt::format("*ORIENTATION: axis {}; they are 1 to 3", about));
-    const auto k = static_cast<std::size_t>(about - 1), i = (k + 1) % 3, j = (k + 2) % 3;
+    const auto k = at(about - 1), i = (k + 1) % 3, j = (k + 2) % 3;
     const Point p = axes[i], q = axes[j];
     for (std::size_t d = 0; d < 3; ++d) {
       axes[i][d] = std::cos(angle) * p[d] + std::sin(angle) * q[d];
@@ -137,7 +138,7 @@ class InpConnectorReader {
     if (card.lines.size() > 1)
       return void(open_->left.emplace_back(fmt::format("{} with several lines", name), card.place));
     const double value = card.fields(0).real(0, elastic ? "stiffness" : "damping");
-    (elastic ? open_->stiffness : open_->damping)[static_cast<std::size_t>(component - 1)] = value;
+    (elastic ? open_->stiffness : open_->damping)[at(component - 1)] = value;
   }
 
   ConnectorAxes axes_of(const InpCard& card, const std::string& name) {

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/deck/inp_loads.hpp"
 #include "dynamics/mesh/deck/point_algebra.hpp"
 #include "dynamics/mesh/inp_model.hpp"
@@ -201,7 +202,7 @@ class InpDeckReader {
     if (!type.empty() && type != "R" && type != "C")
       return leave(DeckKind::others, fmt::format("*TRANSFORM TYPE={}", type), card);
     for (const Index node : target_.nodes(card, CardFields(card.place, set), 0)) {
-      const auto axes = transform_axes(type == "C", a, b, lookup_.mesh().nodes[static_cast<std::size_t>(node)]);
+      const auto axes = transform_axes(type == "C", a, b, lookup_.mesh().nodes[at(node)]);
       if (axes[0] == Point{} || axes[2] == Point{})
         fail(f.place(), fmt::format("*TRANSFORM has no axes at node {}", node_name(lookup_.mesh(), node)));
       deck_.axes[node] = axes;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <set>
 
+#include "base/at.hpp"
 #include "dynamics/mesh/names.hpp"
 
 namespace espalier::dynamics {
@@ -221,7 +222,7 @@ class NastranDeckReader {
   void give_axes(const NastranCard& card, Index node, std::int64_t system) {
     own_axes_.insert(node);
     if (system > 0)  // -1: a point of a fluid
-      deck_.axes[node] = systems_.axes(card, system, deck_.mesh.nodes[static_cast<std::size_t>(node)], deck_.mesh);
+      deck_.axes[node] = systems_.axes(card, system, deck_.mesh.nodes[at(node)], deck_.mesh);
   }
 
   // Springs, masses, couplings ----------------------------------------------------------------------------------------
@@ -272,8 +273,7 @@ class NastranDeckReader {
     if (card.field(7).empty() && deck_.axes.contains(a))
       return leave(DeckKind::springs, "CBUSH without a coordinate system, at axes of a grid point", place_of(card));
     if (b >= 0) {
-      const Point &p = deck_.mesh.nodes[static_cast<std::size_t>(a)],
-                  &q = deck_.mesh.nodes[static_cast<std::size_t>(b)];
+      const Point &p = deck_.mesh.nodes[at(a)], &q = deck_.mesh.nodes[at(b)];
       if (p != q) return leave(DeckKind::springs, "CBUSH between different places", place_of(card));
     }
     for (std::size_t k = 1; k < property.fields.size(); ++k) {

@@ -85,7 +85,7 @@ class MeditReader {
     const std::int64_t count = words_.count("the number of vertices");
     for (std::int64_t k = 0; k < count; ++k) {
       Point p{};
-      for (std::int64_t d = 0; d < dimension_; ++d) p[static_cast<std::size_t>(d)] = words_.real("a coordinate");
+      for (std::int64_t d = 0; d < dimension_; ++d) p[at(d)] = words_.real("a coordinate");
       mesh_.nodes.push_back(p);
       references_.push_back(words_.integer("the reference of a vertex"));
     }
@@ -93,7 +93,7 @@ class MeditReader {
 
   void elements(const MeditKind& kind) {
     const std::int64_t count = words_.count("the number of elements");
-    const auto corners = static_cast<std::size_t>(shape_of(kind.type).nodes);
+    const auto corners = at(shape_of(kind.type).nodes);
     for (std::int64_t k = 0; k < count; ++k) {
       std::array<Index, kMaxElementNodes> nodes{};
       for (std::size_t a = 0; a < corners; ++a) {

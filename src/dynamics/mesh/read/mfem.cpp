@@ -152,17 +152,15 @@ class MfemReader {
       values.push_back(words_.real("a coordinate"));
     }
     number_edges();
-    const std::size_t places = values.size() / static_cast<std::size_t>(dimension);
-    const std::size_t needed =
-        static_cast<std::size_t>(vertices_) + static_cast<std::size_t>(order_ - 1) * edges_.size();
-    if (values.size() % static_cast<std::size_t>(dimension) != 0 || places < needed)
+    const std::size_t places = values.size() / at(dimension);
+    const std::size_t needed = at(vertices_) + at(order_ - 1) * edges_.size();
+    if (values.size() % at(dimension) != 0 || places < needed)
       words_.fail(fmt::format("nodes has {} numbers; {} places of {} coordinates are needed at least", values.size(),
                               needed, dimension));
     mesh_.nodes.assign(places, Point{});
     for (std::size_t k = 0; k < places; ++k)
-      for (std::size_t d = 0; d < static_cast<std::size_t>(dimension); ++d)
-        mesh_.nodes[k][d] =
-            interleaved == 1 ? values[k * static_cast<std::size_t>(dimension) + d] : values[d * places + k];
+      for (std::size_t d = 0; d < at(dimension); ++d)
+        mesh_.nodes[k][d] = interleaved == 1 ? values[k * at(dimension) + d] : values[d * places + k];
     if (order_ == 3) middles_of_cubic_edges();
     if (order_ > 1)
       mesh_.notices.push_back(
@@ -174,7 +172,7 @@ class MfemReader {
   /// Two nodes of an edge lie at the Gauss-Lobatto points -+1/sqrt(5); the first one's place is given to the middle.
   void middles_of_cubic_edges() {
     for (const auto& [ends, k] : edges_) {
-      const std::size_t first = static_cast<std::size_t>(vertices_) + 2 * static_cast<std::size_t>(k);
+      const std::size_t first = at(vertices_) + 2 * at(k);
       if (ends.second >= vertices_)
         words_.fail(fmt::format("an element uses vertex {}; there are {}", ends.second, vertices_));
       const Point &a = mesh_.nodes[at(ends.first)], &b = mesh_.nodes[at(ends.second)];
@@ -197,12 +195,12 @@ class MfemReader {
     const bool curved = order_ > 1 && !e.geometry->middle.empty();
     const ElementType type = curved ? e.geometry->quadratic : e.geometry->linear;
     for (std::size_t m = 0; curved && m < e.geometry->middle.size(); ++m) {
-      const auto found = edges_.find(edge(e, static_cast<std::size_t>(e.geometry->middle[m])));
+      const auto found = edges_.find(edge(e, at(e.geometry->middle[m])));
       if (found == edges_.end()) words_.fail("an edge of the boundary belongs to no element");
       nodes[at(corners) + m] = static_cast<Index>(vertices_ + (order_ - 1) * found->second);
     }
-    const std::size_t added = out_.add(type, static_cast<std::int64_t>(out_.count()),
-                                       {nodes.data(), static_cast<std::size_t>(shape_of(type).nodes)});
+    const std::size_t added =
+        out_.add(type, static_cast<std::int64_t>(out_.count()), {nodes.data(), at(shape_of(type).nodes)});
     out_.add_to_set(added, fmt::format("{}-{}", kind, e.attribute));
   }
 

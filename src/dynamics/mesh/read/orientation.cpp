@@ -42,8 +42,8 @@ double corner_volume(ElementType type, const std::vector<Point>& places, std::sp
   for (std::size_t k = 0; k < 3; ++k)
     for (std::size_t i = 0; i + 1 < ways[k].size() && ways[k][i] >= 0; i += 2)
       for (std::size_t c = 0; c < 3; ++c)
-        d[k][c] += places[static_cast<std::size_t>(nodes[static_cast<std::size_t>(ways[k][i + 1])])][c] -
-                   places[static_cast<std::size_t>(nodes[static_cast<std::size_t>(ways[k][i])])][c];
+        d[k][c] += places[static_cast<std::size_t>(nodes[at(ways[k][i + 1])])][c] -
+                   places[static_cast<std::size_t>(nodes[at(ways[k][i])])][c];
   return d[0][0] * (d[1][1] * d[2][2] - d[1][2] * d[2][1]) + d[0][1] * (d[1][2] * d[2][0] - d[1][0] * d[2][2]) +
          d[0][2] * (d[1][0] * d[2][1] - d[1][1] * d[2][0]);
 }
@@ -55,7 +55,7 @@ void turn_round(ElementType type, std::span<Index> nodes) {
                      : shape_of(type).corners == 6 ? kTurnedWedge
                      : shape_of(type).corners == 5 ? kTurnedPyramid
                                                    : kTurnedTet;
-  for (std::size_t a = 0; a < nodes.size(); ++a) nodes[a] = given[static_cast<std::size_t>(order[a])];
+  for (std::size_t a = 0; a < nodes.size(); ++a) nodes[a] = given[at(order[a])];
 }
 
 }  // namespace espalier::dynamics

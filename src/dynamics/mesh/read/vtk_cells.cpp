@@ -78,15 +78,15 @@ class VtkCells {
                             shape->dropped > 0 ? shape->complete : shape_of(shape->type).name, own + shape->dropped));
     std::array<Index, kMaxElementNodes> nodes{};
     for (std::int64_t a = 0; a < own; ++a) {
-      const std::int64_t node = grid_.connectivity[static_cast<std::size_t>(grid_.start[k] + a)];
+      const std::int64_t node = grid_.connectivity[at(grid_.start[k] + a)];
       if (node < 0 || node >= static_cast<std::int64_t>(mesh_.nodes.size()))
         fail_cell(k, fmt::format("uses point {}; there are {} (counted from 0)", node, mesh_.nodes.size()));
-      nodes[static_cast<std::size_t>(a)] = static_cast<Index>(node);
+      nodes[at(a)] = static_cast<Index>(node);
     }
     if (shape->by_lines)
-      for (std::size_t a = 2; a < static_cast<std::size_t>(own); a += 4) std::swap(nodes[a], nodes[a + 1]);
+      for (std::size_t a = 2; a < at(own); a += 4) std::swap(nodes[a], nodes[a + 1]);
     if (shape->dropped > 0) ++complete_[shape->complete];
-    elements_.add(shape->type, static_cast<std::int64_t>(k), {nodes.data(), static_cast<std::size_t>(own)});
+    elements_.add(shape->type, static_cast<std::int64_t>(k), {nodes.data(), at(own)});
   }
 
   void add_sets(const VtkData& data) {

@@ -38,7 +38,7 @@ SparseMatrix StructuralDamping::matrix(const State& state) const {
   h.rows = h.cols = p.cols;
   h.col_ptr = p.ptr;
   h.row_ind = p.ind;
-  h.values.resize(static_cast<std::size_t>(p.nonzeros()));
+  h.values.resize(at(p.nonzeros()));
   State rest = state;
   std::fill(rest.v.begin(), rest.v.end(), 0.0);
   std::fill(rest.a.begin(), rest.a.end(), 0.0);

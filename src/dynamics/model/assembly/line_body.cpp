@@ -119,11 +119,11 @@ class LineMaker {
       refuse(fmt::format("'{}' has no beams{}: a body of type \"{}\" is made of line elements", file_.file.path,
                          file_.element_set.empty() ? "" : " in the set '" + file_.element_set + "'",
                          is_beam_ ? "beam" : "cable"));
-    if (elements.size() < static_cast<std::size_t>(mesh_.element_count())) keep_elements(mesh_, elements);
+    if (elements.size() < at(mesh_.element_count())) keep_elements(mesh_, elements);
     mesh_.drop_unused_nodes();
     for (Point& p : mesh_.nodes)
       for (double& x : p) x *= file_.file.scale;
-    of_.assign(static_cast<std::size_t>(mesh_.element_count()), -1);
+    of_.assign(at(mesh_.element_count()), -1);
     for (std::size_t k = 0; k < sections_.list.size(); ++k)
       if (const auto found = find_named(mesh_.element_sets, sections_.list[k].set); found != mesh_.element_sets.end())
         for (const Index e : found->second) of_[at(e)] = static_cast<int>(k);

@@ -19,7 +19,7 @@ std::vector<LineElement> elements_of(const std::vector<LineChain>& chains) {
 
 std::vector<LineChain> line_chains(const BuiltBody& body) {
   const auto one = [](Index elements, double length) {
-    return std::vector{LineChain{0, std::vector(static_cast<std::size_t>(elements), length), 0}};
+    return std::vector{LineChain{0, std::vector(at(elements), length), 0}};
   };
   if (const auto* cable = std::get_if<CableSpec>(&body.spec.shape))
     return cable->file ? cable->file->chains

@@ -119,7 +119,7 @@ std::vector<LineElement> elements_of_set(const BuiltBody& body, const std::vecto
   if (file == nullptr)
     throw std::invalid_argument("'element_set' is of beams and cables of mesh files; say where by nodes");
   std::vector<LineElement> out;
-  for (const Index e : file->mesh->element_set(set)) out.push_back(all[static_cast<std::size_t>(e)]);
+  for (const Index e : file->mesh->element_set(set)) out.push_back(all[at(e)]);
   return out;
 }
 

@@ -95,9 +95,7 @@ class Closing {
     return std::nullopt;
   }
 
-  [[nodiscard]] static RowRange rows_of(const Joint& joint) {
-    return {static_cast<std::size_t>(joint.placement().c), joint.rows().size()};
-  }
+  [[nodiscard]] static RowRange rows_of(const Joint& joint) { return {at(joint.placement().c), joint.rows().size()}; }
   [[nodiscard]] static std::size_t first_row(const Joint& joint) { return rows_of(joint).first; }
 
   /// The largest relative violation, but for one joint.

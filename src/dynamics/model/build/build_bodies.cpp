@@ -64,7 +64,7 @@ Mesh load_mesh(const MeshFile& file, const std::string& body) {
 std::vector<Index> solids_of(Mesh& mesh, std::vector<Index> chosen) {
   const bool all = chosen.empty();
   if (all) {
-    chosen.resize(static_cast<std::size_t>(mesh.element_count()));
+    chosen.resize(at(mesh.element_count()));
     std::iota(chosen.begin(), chosen.end(), 0);
   }
   std::vector<Index> solids;
@@ -72,7 +72,7 @@ std::vector<Index> solids_of(Mesh& mesh, std::vector<Index> chosen) {
   for (const Index e : chosen) {
     if (shape_of(mesh.type(e)).dimension < 3) continue;
     solids.push_back(e);
-    for (const Index n : mesh.element(e)) of_solids[static_cast<std::size_t>(n)] = 1;
+    for (const Index n : mesh.element(e)) of_solids[at(n)] = 1;
   }
   if (solids.empty() || solids.size() == chosen.size()) return all ? std::vector<Index>() : chosen;
   Index on_solids = 0;
@@ -80,7 +80,7 @@ std::vector<Index> solids_of(Mesh& mesh, std::vector<Index> chosen) {
   for (const Index e : chosen) {
     const auto nodes = mesh.element(e);
     if (shape_of(mesh.type(e)).dimension == 3) continue;
-    if (std::all_of(nodes.begin(), nodes.end(), [&](Index n) { return of_solids[static_cast<std::size_t>(n)] != 0; }))
+    if (std::all_of(nodes.begin(), nodes.end(), [&](Index n) { return of_solids[at(n)] != 0; }))
       ++on_solids;
     else
       ++others[shape_of(mesh.type(e)).name];
@@ -102,7 +102,7 @@ void drop_others(Mesh& mesh, std::vector<Index>& elements) {
   if (elements.empty()) return;
   std::vector<char> used(mesh.nodes.size(), 0);
   for (const Index e : elements)
-    for (const Index n : mesh.element(e)) used[static_cast<std::size_t>(n)] = 1;
+    for (const Index n : mesh.element(e)) used[at(n)] = 1;
   if (std::find(used.begin(), used.end(), 0) == used.end()) return;
   keep_elements(mesh, elements);
   mesh.drop_unused_nodes();
@@ -227,7 +227,7 @@ BuiltBody build_body(const BodySpec& spec, const Description& model, const Frame
   body->set_pool(&out.pool);
   std::array<double, 9> rows{};
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) rows[static_cast<std::size_t>(3 * i + j)] = spec.rotation(i, j);
+    for (int j = 0; j < 3; ++j) rows[at(3 * i + j)] = spec.rotation(i, j);
   // The text gives the velocity of the body's own origin, the library wants that of the point at the global origin.
   const Vec3 at_origin = spec.velocity - spec.angular_velocity.cross(spec.position);
   body->set_initial_motion(rows, to_point(spec.position), to_point(at_origin), to_point(spec.angular_velocity));

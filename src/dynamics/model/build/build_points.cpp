@@ -85,7 +85,7 @@ std::vector<double> shares_of_length(const ShellSpec& shell, const std::vector<I
 /// About `most` of `count`, evenly spread as in thinned(); all where `most` is 0.
 std::vector<char> marks_of(std::size_t count, int most) {
   std::vector<char> marks(count, 1);
-  if (most <= 0 || count <= static_cast<std::size_t>(most)) return marks;
+  if (most <= 0 || count <= at(most)) return marks;
   const double share = most / static_cast<double>(count);
   for (std::size_t k = 0; k < count; ++k) {
     const double x = static_cast<double>(k) * std::numbers::phi;

@@ -28,8 +28,8 @@ class SupportBuilder {
     for (const Index node : frames_.nodes_of(spec_.where, body_)) {
       const Index place = node * each;
       for (int i = 0; i < 3; ++i)
-        if (spec_.held[static_cast<std::size_t>(i)])
-          add(node, at_node(place, axes.col(i)), motion[static_cast<std::size_t>(i)],
+        if (spec_.held[at(i)])
+          add(node, at_node(place, axes.col(i)), motion[at(i)],
               spec_.symmetry ? "the normal" : std::string(1, "xyz"[i]));
       if (each == 4 && spec_.slopes)  // the section's y and z
         for (const Index axis : {2, 3})

@@ -15,7 +15,7 @@ namespace {
 
 std::vector<Index> elements_of(const Mesh& mesh, const SolidSpec& solid) {
   if (!solid.element_set.empty()) return mesh.element_set(solid.element_set);
-  std::vector<Index> all(static_cast<std::size_t>(mesh.element_count()));
+  std::vector<Index> all(at(mesh.element_count()));
   for (std::size_t k = 0; k < all.size(); ++k) all[k] = static_cast<Index>(k);
   return all;
 }
@@ -146,7 +146,7 @@ std::optional<std::string> compression_notice(const BuiltBody& body, ConstSpan q
   if (!failed.empty()) numbers = body.flexible->assembly().numbers_by_label();
   for (const Index e : elements_of(*body.mesh, *solid)) {
     if (body.mesh->type(e) != ElementType::hex8) continue;
-    if (!failed.empty() && failed[static_cast<std::size_t>(numbers.at(body.mesh->element_label(e)))] != 0) continue;
+    if (!failed.empty() && failed[at(numbers.at(body.mesh->element_label(e)))] != 0) continue;
     const auto nodes = body.mesh->element(e);
     const double* now = q.data() + body.flexible->placement().q;
     const Compression c = compression_of(places(nodes, body.flexible->reference().data()), places(nodes, now));

@@ -34,7 +34,7 @@ bool slides_along_z(const Joint& joint) {
 class RowForceFunction final : public StateFunction {
  public:
   explicit RowForceFunction(Index row) : row_(row) { multipliers_.push_back(row); }
-  [[nodiscard]] double value(const StateView& s) const override { return -s.lambda[static_cast<std::size_t>(row_)]; }
+  [[nodiscard]] double value(const StateView& s) const override { return -s.lambda[at(row_)]; }
 
  protected:
   void add_gradient(const StateView& /*s*/, StateGradient& out) const override { out.lambda[0] -= 1; }

@@ -129,7 +129,7 @@ JointSpec completed(const JointSpec& joint, const FrameBuilder& frames, const Me
     m = frames.resolve(m);
     face = face || is_set(m);
     if (is_set(m)) decide(m, joint, built, notices);
-    if (turns_frame(kind, static_cast<std::size_t>(&m - out.frames.data()))) give_axes(m);
+    if (turns_frame(kind, at(&m - out.frames.data()))) give_axes(m);
     check_attach(m, built);
   }
   if (joint.attach != Attach::automatic && !face)

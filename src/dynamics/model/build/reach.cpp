@@ -15,7 +15,7 @@ double extent_of(const BuiltBody& body) {
     return std::sqrt(6 * rigid->data.inertia.trace() / rigid->data.mass);  // of a block, at least its diagonal
   if (body.flexible == nullptr) return 0;
   const auto& x = body.flexible->reference();
-  const auto step = 3 * static_cast<std::size_t>(body.flexible->vertices_per_node());
+  const auto step = 3 * at(body.flexible->vertices_per_node());
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     double low = std::numeric_limits<double>::infinity(), high = -low;

@@ -12,9 +12,9 @@ NearestFace::NearestFace(const Mesh& mesh, const std::vector<MeshFace>& faces,
                          const std::function<Vec3(Index)>& place) {
   for (const MeshFace& f : faces) {
     const ElementShape& shape = shape_of(mesh.type(f.element));
-    add(shape.faces[static_cast<std::size_t>(f.face)].type, mesh.face_nodes(f), place);
+    add(shape.faces[at(f.face)].type, mesh.face_nodes(f), place);
     Face& face = faces_.back();
-    for (const Index node : mesh.element(f.element).first(static_cast<std::size_t>(shape.corners)))
+    for (const Index node : mesh.element(f.element).first(at(shape.corners)))
       if (std::find(face.nodes.begin(), face.nodes.end(), node) == face.nodes.end()) face.behind.push_back(node);
   }
 }

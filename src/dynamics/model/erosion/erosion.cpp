@@ -107,8 +107,7 @@ void Erosion::look_at(Body& body, const State& s, base::ThreadPool* pool) {
   const FieldTable table = stresses ? body.samples->sample(s, whole, pool) : body.samples->strains(s, whole, pool);
   body.passed.assign(whole.size(), {});
   base::for_each_range(pool, static_cast<std::int64_t>(whole.size()), kElements, [&](auto begin, auto end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k)
-      body.passed[k] = worst_of(body, whole[k], table, k);
+    for (auto k = at(begin); k < at(end); ++k) body.passed[k] = worst_of(body, whole[k], table, k);
   });
   std::erase_if(body.passed, [](const Passed& p) { return p.element < 0; });
 }

@@ -27,7 +27,7 @@ void Envelopes::take(const Sample& s) {
     if (peak.site == nullptr) return;
     known.body = q.field->body().body().spec.name;
     known.node = peak.site->node;
-    for (int i = 0; i < 3; ++i) known.place[static_cast<std::size_t>(i)] = peak.site->place[i];
+    for (int i = 0; i < 3; ++i) known.place[at(i)] = peak.site->place[i];
   };
   for (std::size_t k = 0; k < quantities_.size(); ++k) {
     note(found_[k].largest, quantities_[k].largest, 1);

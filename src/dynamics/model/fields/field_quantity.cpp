@@ -48,7 +48,7 @@ FieldQuantity::FieldQuantity(std::shared_ptr<const SampledBody> body, std::share
   for (const Site& site : sites_->list)
     for (const SiteTerm& term : site.terms) needed_.push_back(term.element);
   sort_unique(needed_);
-  all_ = 4 * needed_.size() > static_cast<std::size_t>(body_->elements());
+  all_ = 4 * needed_.size() > at(body_->elements());
   if (all_) {
     needed_.resize(at(body_->elements()));
     std::iota(needed_.begin(), needed_.end(), 0);
@@ -99,7 +99,7 @@ std::vector<SiteNumbers> FieldQuantity::site_numbers(const Sample& s) const {
   std::vector<SiteNumbers> out(sites_->list.size(), SiteNumbers{});
   const std::span<const char> failed = body_->body().flexible->assembly().failed();
   const auto sum = [&](std::int64_t begin, std::int64_t end) {
-    for (auto k = static_cast<std::size_t>(begin); k < static_cast<std::size_t>(end); ++k) {
+    for (auto k = at(begin); k < at(end); ++k) {
       double whole = 0, all = 0;  // of the factors: those of elements that have not failed
       for (const SiteTerm& term : sites_->list[k].terms) {
         all += term.factor;

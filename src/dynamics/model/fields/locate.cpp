@@ -17,7 +17,7 @@ constexpr double kInside = 1e-6;  // of natural coordinates
 
 /// Newton's method for X(xi) = point. @return false where it does not come to rest
 bool natural_coordinates(ElementType type, const std::vector<double>& x, const Vec3& point, std::array<double, 3>& xi) {
-  const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
+  const auto nodes = at(shape_of(type).nodes);
   xi = middle_of(type);
   for (int pass = 0; pass < 30; ++pass) {
     double n[kMaxElementNodes], dn[3 * kMaxElementNodes];

@@ -53,10 +53,10 @@ std::function<Vec3(const Sample&)> reaction_on(Mechanism& mechanism, const Built
   const std::vector<Index> nodes = nodes_at(SampledBody(body), where);
   return [&mechanism, &body, nodes, moment](const Sample& s) {
     const SparsePattern& pattern = mechanism.system.constraint_pattern();
-    std::vector<double> values(static_cast<std::size_t>(pattern.nonzeros())), force(s.state->v.size());
+    std::vector<double> values(at(pattern.nonzeros())), force(s.state->v.size());
     if (!values.empty()) mechanism.system.constraints(s.state->t, s.state->q, s.state->v, {{}, {}, {}, values});
     for (std::size_t row = 0; row + 1 < pattern.ptr.size(); ++row)
-      for (auto k = static_cast<std::size_t>(pattern.ptr[row]); k < static_cast<std::size_t>(pattern.ptr[row + 1]); ++k)
+      for (auto k = at(pattern.ptr[row]); k < at(pattern.ptr[row + 1]); ++k)
         force[at(pattern.ind[k])] -= values[k] * s.state->lambda[row];
     const FlexibleBody& flexible = *body.flexible;
     const Index each = flexible.vertices_per_node();

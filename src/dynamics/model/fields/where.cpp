@@ -62,7 +62,7 @@ Where read_where(const std::string& text) {
   if (words.size() == 3) {
     where.kind = Where::Kind::point;
     for (int i = 0; i < 3; ++i) {
-      const auto x = number_in<double>(words[static_cast<std::size_t>(i)]);
+      const auto x = number_in<double>(words[at(i)]);
       if (!x) not_a_place(text);
       where.point[i] = *x;
     }

@@ -17,7 +17,7 @@ using Labelled = std::vector<std::pair<std::int64_t, Index>>;
 
 std::int64_t label_of(const BuiltBody& body, Index node) {
   if (const auto* substructure = std::get_if<SubstructureSpec>(&body.spec.shape))
-    return substructure->nodes[static_cast<std::size_t>(node)].label;
+    return substructure->nodes[at(node)].label;
   const Mesh* mesh = named_mesh(body);
   return mesh != nullptr ? mesh->node_label(node) : std::int64_t{node} + 1;
 }

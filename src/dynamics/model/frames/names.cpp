@@ -47,7 +47,7 @@ class FrameNames {
 
   [[nodiscard]] const MarkerSpec* frame_of(const std::string& object, const std::string& letter) const {
     const auto found = frames_.find(object);
-    const std::size_t which = letter.size() == 1 ? static_cast<std::size_t>(letter[0] - 'a') : 4;
+    const std::size_t which = letter.size() == 1 ? at(letter[0] - 'a') : 4;
     return found != frames_.end() && which < found->second->size() ? &(*found->second)[which] : nullptr;
   }
 

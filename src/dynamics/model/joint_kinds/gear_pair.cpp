@@ -13,7 +13,7 @@ void read_gear_pair(Section& s, JointSpec& j, Description& /*model*/) {
     fail(s.place("teeth"), "must be two numbers greater than 0: the teeth of wheel a and of wheel b");
   j.teeth = {teeth[0], teeth[1]};
   j.inner = s.choice("inner", {"none", "a", "b"}, 0) - 1;
-  if (j.inner >= 0 && !(j.teeth[static_cast<std::size_t>(j.inner)] > j.teeth[static_cast<std::size_t>(1 - j.inner)]))
+  if (j.inner >= 0 && !(j.teeth[at(j.inner)] > j.teeth[at(1 - j.inner)]))
     fail(s.place("inner"), "the wheel with inner teeth must have more of them than the one inside it");
   j.pressure_angle = checked_pressure_angle(s.number("pressure_angle", 0), s.place("pressure_angle"));
 }
@@ -38,7 +38,7 @@ std::array<double, 2> pitch_radii(const JointSpec& j, const JointStart& start) {
     throw std::invalid_argument(
         "the centres of both wheels (origins of a and b) are on one axis; give each wheel's frame its own 'point'");
   std::array<double, 2> radii = j.teeth;
-  if (j.inner >= 0) radii[static_cast<std::size_t>(j.inner)] *= -1;
+  if (j.inner >= 0) radii[at(j.inner)] *= -1;
   const double scale = distance / std::abs(radii[0] + radii[1]), side = axis.dot(b.rot.col(2)) < 0 ? -1 : 1;
   return {scale * radii[0], side * scale * radii[1]};
 }

@@ -35,15 +35,15 @@ Vec3 half_edges(const RigidSpec& rigid) {
 double von_mises(ElementType type, const Material& material, std::span<const double> reference,
                  std::span<const double> position) {
   const std::array<double, 3> middle = middle_of(type);
-  const auto nodes = static_cast<std::size_t>(shape_of(type).nodes);
+  const auto nodes = at(shape_of(type).nodes);
   std::array<double, 3 * kMaxElementNodes> dn{};
   shape_gradients(type, middle.data(), dn.data());
   Mat3 to_reference = Mat3::Zero(), to_position = Mat3::Zero();
   for (std::size_t a = 0; a < nodes; ++a)
     for (int i = 0; i < 3; ++i)
       for (std::size_t d = 0; d < 3; ++d) {
-        to_reference(i, static_cast<int>(d)) += reference[3 * a + static_cast<std::size_t>(i)] * dn[d * nodes + a];
-        to_position(i, static_cast<int>(d)) += position[3 * a + static_cast<std::size_t>(i)] * dn[d * nodes + a];
+        to_reference(i, static_cast<int>(d)) += reference[3 * a + at(i)] * dn[d * nodes + a];
+        to_position(i, static_cast<int>(d)) += position[3 * a + at(i)] * dn[d * nodes + a];
       }
   const Mat3 f = to_position * to_reference.inverse();
   Mat33 grad, rate = {};

@@ -41,7 +41,7 @@ std::size_t Expression::Code::operands() const {
 void Expression::note_branch(const Code& c, std::span<const Jet> stack, bool timed, Branches& out) const {
   // The difference of numbers of this size is rounding.
   constexpr double kRounding = 1e-13;
-  const auto which = static_cast<std::size_t>(c.function);
+  const auto which = at(c.function);
   const auto operand = [&](std::size_t from_top) { return stack[stack.size() - from_top].value; };
   const auto corner = [&](Corner kind, double zero, double size, double level) {
     if (kind == Corner::zero) out.push_back({zero, false, timed, kRounding * size});

@@ -125,7 +125,7 @@ class ExpressionParser {
     if (error == std::errc::invalid_argument) stop("not a number");
     // Too large or too small for a double: infinity, which is refused, or zero.
     if (error == std::errc::result_out_of_range) value = base::strtod(std::string(begin, end).c_str(), nullptr);
-    at_ += static_cast<std::size_t>(end - begin);
+    at_ += at(end - begin);
     emit(Kind::number, value);
   }
   void name() {

@@ -23,7 +23,7 @@ void read_hold(Section& s, SupportSpec& out) {
            fmt::format("must be \"all\", a clamp, or directions like \"x\", \"yz\", [\"x\", \"z\"], not "
                        "\"{}\"",
                        text));
-    for (const char c : text) out.held[static_cast<std::size_t>(c - 'x')] = true;
+    for (const char c : text) out.held[at(c - 'x')] = true;
   }
 }
 
@@ -32,7 +32,7 @@ void read_rotations(Section& s, SupportSpec& out) {
   for (const std::string& text : s.texts("rotations")) {
     if (text.empty() || text.find_first_not_of("xyz") != std::string::npos)
       fail(s.place("rotations"), fmt::format("must be axes like \"x\", \"yz\", [\"x\", \"z\"], not \"{}\"", text));
-    for (const char c : text) out.rotations[static_cast<std::size_t>(c - 'x')] = true;
+    for (const char c : text) out.rotations[at(c - 'x')] = true;
   }
 }
 

@@ -176,7 +176,7 @@ Mat3 Section::matrix(const std::string& key) {
   const Value& value = need(key);
   if (value.type == Value::Type::array && value.items.size() == 3 && value.items[0].type == Value::Type::array) {
     Mat3 result;
-    for (int i = 0; i < 3; ++i) result.row(i) = to_vector(value.items[static_cast<std::size_t>(i)]).transpose();
+    for (int i = 0; i < 3; ++i) result.row(i) = to_vector(value.items[at(i)]).transpose();
     if ((result - result.transpose()).cwiseAbs().maxCoeff() > 1e-12 * result.cwiseAbs().maxCoeff())
       fail(value.place, "must be symmetric");
     return result;

@@ -115,11 +115,11 @@ std::vector<double> flat(const Eigen::MatrixXd& a) { return {a.data(), a.data() 
 
 void fill_places(const FlexibleBody& body, const BuiltBody& built, ReducedMatrices& out) {
   const auto reference = body.reference();
-  const auto step = 3 * static_cast<std::size_t>(body.vertices_per_node());
+  const auto step = 3 * at(body.vertices_per_node());
   out.vectors_per_node = body.vertices_per_node();
   for (Index k = 0; k < body.nodes(); ++k) {
     out.nodes.push_back(built.mesh ? built.mesh->node_label(k) : k + 1);
-    const double* x = reference.data() + static_cast<std::size_t>(k) * step;
+    const double* x = reference.data() + at(k) * step;
     out.node_positions.insert(out.node_positions.end(), x, x + 3);
   }
 }
@@ -185,7 +185,7 @@ void fill(const Description& model, const ReducedMatricesOptions& what, const Op
   out.shapes = flat(reduced.shapes);
   out.position = three(body.position);
   for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) out.rotation[static_cast<std::size_t>(3 * i + j)] = body.rotation(i, j);
+    for (int j = 0; j < 3; ++j) out.rotation[at(3 * i + j)] = body.rotation(i, j);
   const std::vector<double> rest(nodal.reference().size(), 0.0);
   const MassProperties properties = nodal.mass_properties(nodal.reference(), rest);
   out.total_mass = properties.mass;

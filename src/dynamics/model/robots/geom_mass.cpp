@@ -85,7 +85,7 @@ Mass shell_mass(const Geom& g) {
 Mass mesh_mass(const Geom& g, MeshInertia how) {
   const contact::Triangles soup = contact::read_triangles(g.file, g.scale);
   const auto corner = [&](const std::array<Index, 3>& t, std::size_t k) -> const Vec3& {
-    return soup.points[static_cast<std::size_t>(t[k])];
+    return soup.points[at(t[k])];
   };
   double area = 0;
   Vec3 middle = Vec3::Zero();

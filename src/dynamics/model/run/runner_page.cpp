@@ -94,7 +94,7 @@ void Runner::show_shapes() {
 void Runner::show_response() {
   if (!page_) return;
   const HarmonicResult& r = response_.response;
-  const auto size = static_cast<std::size_t>(r.n), n = state_.v.size();
+  const auto size = at(r.n), n = state_.v.size();
   std::vector<page::Swing> swings;
   for (std::size_t k = 0; k < r.shape_frequencies.size(); ++k)
     for (std::size_t load = 0; load < response_.loads.size(); ++load) {

@@ -60,8 +60,8 @@ void Runner::restore(std::string_view state) {
   last_report_.index = integrator_->counts().steps;
   stopped_ = false;
   const auto kept = std::upper_bound(series_.t.begin(), series_.t.end(), time()) - series_.t.begin();
-  series_.t.resize(static_cast<std::size_t>(kept));
-  series_.values.resize(static_cast<std::size_t>(kept) * series_.names.size());
+  series_.t.resize(at(kept));
+  series_.values.resize(at(kept) * series_.names.size());
   if (options_.frame_interval >= 0) kept_frames().restore(sample(last_report_).pictured());
   if (page_) page_->restore(sample(last_report_));
   usual_rows_.restore(time());

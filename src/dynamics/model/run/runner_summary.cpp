@@ -74,7 +74,7 @@ std::string Runner::explain_failure(const Error& error) {
   std::string names;
   int count = 0;
   for (const DependentRow& row : rows) {
-    if (equations_->dropped()[static_cast<std::size_t>(row.row)] || ++count > 4) continue;
+    if (equations_->dropped()[at(row.row)] || ++count > 4) continue;
     names += (names.empty() ? "" : "; ") + mechanism_->system.constraint_name(row.row);
     if (!row.partners.empty()) names += " (with " + mechanism_->system.constraint_name(row.partners.front()) + ")";
   }

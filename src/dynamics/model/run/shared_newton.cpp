@@ -7,6 +7,7 @@
 #include <stdexcept>
 #include <system_error>
 
+#include "base/at.hpp"
 #include "dynamics/model/run/newton_solver.hpp"
 #include "espalier/dynamics.hpp"
 #include "ranks/communicator.hpp"
@@ -49,7 +50,7 @@ Announcement unpacked(const std::vector<std::byte>& bytes) {
   const auto text = [&reader] {
     std::int64_t length = 0;
     reader.get(&length, 1);
-    std::string t(static_cast<std::size_t>(length), ' ');
+    std::string t(at(length), ' ');
     reader.get(t.data(), t.size());
     return t;
   };
