@@ -306,5 +306,57 @@ TEST(Lockstep, WithoutRoomForManyColumnsTheyGoOneByOne) {
   }
 }
 
+// Columns in one part of the unknowns refine at once, those in the other need Krylov methods, side by side.
+TEST(Lockstep, ColumnsThatNeedOtherMethodsKeepApart) {
+  base::ThreadPool pool(2);
+  constexpr Index n = 60;
+  for (const Values values : {Values::positive, Values::general}) {
+    const SparseMatrix a = reference::random_system(n, 5, values, 13);
+    std::vector<reference::Triple> both;
+    const MatrixView view = a;
+    for (Index c = 0; c < n; ++c)
+      for (Offset q = view.col_ptr[static_cast<std::size_t>(c)]; q < view.col_ptr[static_cast<std::size_t>(c) + 1]; ++q)
+        for (const Index part : {0, n})
+          both.push_back(
+              {view.row_ind[static_cast<std::size_t>(q)] + part, c + part, view.values[static_cast<std::size_t>(q)]});
+    const SparseMatrix twice = reference::from_triples(2 * n, both, a.storage);
+    const ResidualOperator op(twice, pool);
+    const Preconditioner good = wrong_inverse(a, false, 1e-9), bad = wrong_inverse(a, false, 0.9);
+    const Preconditioner m = [&](const double* x, double* y, Index columns) {
+      for (Index c = 0; c < columns; ++c) {
+        good(x + Offset{2 * n} * c, y + Offset{2 * n} * c, 1);
+        bad(x + Offset{2 * n} * c + n, y + Offset{2 * n} * c + n, 1);
+      }
+    };
+    const std::vector<int> parts{0, 1, 1, 0, 1, 0, 0, 1};
+    std::vector<double> b(2 * n * parts.size(), 0.0);
+    for (std::size_t k = 0; k < parts.size(); ++k) {
+      const std::vector<double> some = reference::random_vector(n, 20 + k);
+      std::copy(some.begin(), some.end(), b.begin() + static_cast<std::ptrdiff_t>(2 * n * k) + n * parts[k]);
+    }
+    RefinementOptions o;
+    o.steps = 60;
+    o.krylov = true;
+    o.positive_definite = values == Values::positive;
+    for (const int most : {400, 25}) {
+      o.krylov_steps = most;
+      const auto solve = [&](std::size_t first, Index columns, std::vector<double>& x) {
+        x.assign(static_cast<std::size_t>(2 * n * columns), 0.0);
+        const double* from = b.data() + 2 * n * first;
+        m(from, x.data(), columns);
+        return refine(op, m, {from, x.data(), columns}, o);
+      };
+      std::vector<double> together, one;
+      (void)solve(0, static_cast<Index>(parts.size()), together);
+      for (std::size_t k = 0; k < parts.size(); ++k) {
+        const RefinementResult r = solve(k, 1, one);
+        EXPECT_TRUE(std::equal(one.begin(), one.end(), together.begin() + static_cast<std::ptrdiff_t>(2 * n * k))) << k;
+        EXPECT_EQ(r.krylov_steps > 0, parts[k] == 1) << k;
+        EXPECT_LE(r.krylov_steps, most) << k;
+      }
+    }
+  }
+}
+
 }  // namespace
 }  // namespace espalier::solve
