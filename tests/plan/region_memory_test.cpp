@@ -59,7 +59,7 @@ TEST(MemoryOfPlans, IsUsedAgain) {
   for (const Index devices : {1, 2, 3}) {
     const Plan p = plan_of(without_ranges(devices));
     const Alive alive = contributions_of(p);
-    ASSERT_LT(3 * alive.most, alive.all);
+    ASSERT_LT(2 * alive.most, alive.all);
     EXPECT_LE(p.memory.size - p.memory.factor_size, (devices == 1 ? 1.25 : 2.5) * static_cast<double>(alive.most))
         << devices;
   }
