@@ -10,7 +10,7 @@ namespace espalier::solver {
 
 namespace {
 
-constexpr Index kShare = 64, kSmallest = 200;  // unknowns of the larger part
+constexpr Index kShare = 64, kSmallest = 200, kLargest = 4096;  // unknowns of the larger part
 
 // Positions of a sub-tree's pivots.
 struct Part {
@@ -82,7 +82,7 @@ double condition_of(const SparseMatrix& part) {
 
 double guess_condition(const System& system, const Values& values, const analysis::AssemblyTree& tree) {
   if (system.kind != Kind::llt || system.numbers() != base::Numbers::real || system.border || values.empty()) return 0;
-  const Part large = largest_part(tree, {0, tree.n}, tree.n / kShare);
+  const Part large = largest_part(tree, {0, tree.n}, std::min(kLargest, tree.n / kShare));
   if (large.size() < kSmallest) return 0;
   const Part small = largest_part(tree, large, large.size() / 4);
   if (small.size() < kSmallest / 8) return 0;

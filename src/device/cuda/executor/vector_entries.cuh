@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 
 #include "device/cuda/executor/linear_system_memory.cuh"
 
@@ -42,8 +43,9 @@ class VectorEntries {
     read_.wait();  // the launch before has read its lists
     const auto count = static_cast<Offset>(places.size());
     if (places_.size() < count) {
-      places_ = PinnedArray<Offset>(count);
+      PinnedArray<Offset> places(count);
       values_ = PinnedArray<double>(count);
+      places_ = std::move(places);  // last: its size tells that there are both
     }
     std::copy(places.begin(), places.end(), places_.data());
   }
