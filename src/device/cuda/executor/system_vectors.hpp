@@ -33,7 +33,7 @@ class SystemVectors {
     double* const data = array->data();
     return {data, [array, &budget = budget_, alive = std::weak_ptr<int>(alive_), device = device_](double*) mutable {
               if (!alive.expired()) budget.give_back(array->bytes());
-              const DeviceGuard on(device);
+              const DeviceGuard on(device, std::nothrow);
               array.reset();
             }};
   }

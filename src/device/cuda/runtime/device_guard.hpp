@@ -4,6 +4,8 @@
 
 #include <cuda_runtime_api.h>
 
+#include <new>
+
 #include "device/cuda/runtime/device_memory.hpp"
 
 namespace espalier::device::cuda {
@@ -15,6 +17,10 @@ class DeviceGuard {
     call("cudaGetDevice", [&] { return cudaGetDevice(&before_); });
     changed_ = before_ != device;
     if (changed_) call("cudaSetDevice", [&] { return cudaSetDevice(device); });
+  }
+  /// Where nothing may be thrown, as in destructors: what fails there is left as it is, and not counted.
+  DeviceGuard(int device, std::nothrow_t /*tag*/) noexcept {
+    changed_ = cudaGetDevice(&before_) == cudaSuccess && before_ != device && cudaSetDevice(device) == cudaSuccess;
   }
   DeviceGuard(const DeviceGuard&) = delete;
   DeviceGuard& operator=(const DeviceGuard&) = delete;
