@@ -18,7 +18,7 @@ namespace espalier::solver {
 
 template <class Use>
 auto Factor::with_deficiency_job(Use&& use) {
-  constexpr double kLittle = 1 << 22, kShare = 1.0 / 16;  // of the factorization's operations
+  constexpr double kLittle = 1 << 22, kWorkShare = 1.0 / 16;  // of the factorization's operations
   looked_ = true;
   values_.fetch(numeric_->device_system());
   const System& s = *analysis_->system;
@@ -28,7 +28,7 @@ auto Factor::with_deficiency_job(Use&& use) {
   job.rough = context_.single();
   job.vector_work = context_.options.singular == SingularMatrix::null_vectors
                         ? std::numeric_limits<double>::infinity()
-                        : std::max(kLittle, kShare * analysis_->flops());
+                        : std::max(kLittle, kWorkShare * analysis_->flops());
   return use(job);
 }
 
