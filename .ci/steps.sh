@@ -333,7 +333,7 @@ test_asan_solver() {
 
 test_asan_dynamics() {
   with_clang || return 1
-  test_sanitized asan "-$slow_dynamics" test_dynamics
+  test_sanitized asan "-$slow_dynamics" test_dynamics test_memory
 }
 
 # Tests of the solver in which several threads work: executors, solvers beside each other, who interrupts and who watches,

@@ -19,6 +19,14 @@ using Eigen::VectorXd;
 /// Matrices and blocks of them are read where they are; other expressions are computed first.
 using ConstRef = Eigen::Ref<const MatrixXd>;
 
+/// Another size, any content. Where a matrix that has memory is resized or assigned to, and there is none for it,
+/// Eigen 3.4 frees what it had twice; an empty one, and one that is moved into, has nothing to lose.
+inline void resize(MatrixXd& m, Eigen::Index rows, Eigen::Index cols) {
+  if (m.rows() == rows && m.cols() == cols) return;
+  m = MatrixXd();
+  m.resize(rows, cols);
+}
+
 /// A B (m x k, k x n), A^T B (k x m, k x n).
 [[nodiscard]] MatrixXd times(const ConstRef& a, const ConstRef& b);
 [[nodiscard]] MatrixXd transposed_times(const ConstRef& a, const ConstRef& b);

@@ -83,7 +83,7 @@ SingularValues singular_values(const MatrixXd& a) {
   const bool turned = a.rows() < a.cols();
   SingularValues s = whole_singular_values(turned ? MatrixXd(a.transpose()) : a);
   if (turned) std::swap(s.u, s.v);
-  s.u = s.u.leftCols(s.values.size()).eval();
+  s.u = MatrixXd(s.u.leftCols(s.values.size()));
   return s;
 }
 

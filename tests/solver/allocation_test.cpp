@@ -3,83 +3,24 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cstdlib>
 #include <functional>
-#include <limits>
-#include <new>
 
 #include "espalier/espalier.hpp"
 #include "espalier/inverse.hpp"
 #include "espalier/solve_rows.hpp"
 #include "matrix/generators/generate.hpp"
 #include "reference/reference.hpp"
+#include "refused_allocations.hpp"
 #include "rounds.hpp"
-
-namespace {
-
-constexpr long kNever = std::numeric_limits<long>::max();
-std::atomic<long> allocations_left{kNever};  // the allocation that finds 0 fails
-std::atomic<long> allocations{0};
-std::atomic<long> bytes_allocated{0};
-std::atomic<long> held{0};  // allocations that were not given back
-
-bool refused(std::size_t bytes) {
-  allocations.fetch_add(1, std::memory_order_relaxed);
-  bytes_allocated.fetch_add(static_cast<long>(bytes), std::memory_order_relaxed);
-  if (allocations_left.load(std::memory_order_relaxed) == kNever) return false;
-  return allocations_left.fetch_sub(1, std::memory_order_relaxed) == 0;
-}
-
-void* take(std::size_t bytes, std::size_t alignment) {
-  if (refused(bytes)) throw std::bad_alloc();
-  const std::size_t rounded = (std::max<std::size_t>(bytes, 1) + alignment - 1) / alignment * alignment;
-  void* p = alignment > alignof(std::max_align_t) ? std::aligned_alloc(alignment, rounded) : std::malloc(rounded);
-  if (p == nullptr) throw std::bad_alloc();
-  held.fetch_add(1, std::memory_order_relaxed);
-  return p;
-}
-
-void* take_or_null(std::size_t bytes, std::size_t alignment) noexcept {
-  try {
-    return take(bytes, alignment);
-  } catch (const std::bad_alloc&) {
-    return nullptr;
-  }
-}
-
-void give_back(void* p) {
-  if (p != nullptr) held.fetch_sub(1, std::memory_order_relaxed);
-  std::free(p);
-}
-
-}  // namespace
-
-// Replacements of the whole program; the aligned buffers of base/memory.cpp come through operator new as well. All or
-// none may be inlined: a compiler that sees one of a pair takes it for a mismatch.
-void* operator new(std::size_t n) { return take(n, 1); }
-void* operator new[](std::size_t n) { return take(n, 1); }
-void* operator new(std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
-void* operator new[](std::size_t n, std::align_val_t a) { return take(n, static_cast<std::size_t>(a)); }
-// The aligned buffers and std::stable_sort ask in this way. The sanitizers' own would not come through the ones above.
-void* operator new(std::size_t n, const std::nothrow_t&) noexcept { return take_or_null(n, 1); }
-void* operator new[](std::size_t n, const std::nothrow_t&) noexcept { return take_or_null(n, 1); }
-void* operator new(std::size_t n, std::align_val_t a, const std::nothrow_t&) noexcept {
-  return take_or_null(n, static_cast<std::size_t>(a));
-}
-[[gnu::noinline]] void operator delete(void* p) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete[](void* p) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::size_t) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete(void* p, const std::nothrow_t&) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete[](void* p, const std::nothrow_t&) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete(void* p, std::align_val_t) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::align_val_t) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete(void* p, std::size_t, std::align_val_t) noexcept { give_back(p); }
-[[gnu::noinline]] void operator delete[](void* p, std::size_t, std::align_val_t) noexcept { give_back(p); }
 
 namespace espalier {
 namespace {
+
+using test::allocations;
+using test::allocations_left;
+using test::bytes_allocated;
+using test::held;
+using test::kNever;
 
 struct Case {
   const char* name;

@@ -14,7 +14,7 @@ class DenseSolver final : public LinearSolver {
     n_ = a.rows;
     col_ptr_.assign(a.col_ptr.begin(), a.col_ptr.end());
     row_ind_.assign(a.row_ind.begin(), a.row_ind.end());
-    dense_.resize(n_, n_);
+    dense::resize(dense_, n_, n_);
     return {};
   }
 

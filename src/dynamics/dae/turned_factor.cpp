@@ -84,7 +84,7 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
   active_ = false;
   turns_ = std::move(turns);
   make_change(phi_q_values);
-  g_.resize(static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
+  dense::resize(g_, static_cast<Eigen::Index>(size), static_cast<Eigen::Index>(2 * k));
   if (k == 0) return active_ = true;
   if (y_0_.empty()) {
     base::LazyVector<double> units(size * k);
@@ -100,7 +100,7 @@ bool TurnedFactor::turn(std::vector<BodyTurn> turns, ConstSpan phi_q_values, con
       of_motion[c * size + at(change_.ind[at(p)])] = change_values_[at(p)];
   solve(of_motion, static_cast<Index>(k));
   copy(pool, y_0_, of_constraints);
-  core_matrix_.resize(static_cast<Eigen::Index>(2 * k), static_cast<Eigen::Index>(2 * k));
+  dense::resize(core_matrix_, static_cast<Eigen::Index>(2 * k), static_cast<Eigen::Index>(2 * k));
   base::for_each(pool, static_cast<std::int64_t>(2 * k), [&](std::int64_t c) {
     apply_v({g_.data() + at(c) * size, size}, core_matrix_.data() + at(c) * 2 * k);
   });

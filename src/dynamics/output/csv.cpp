@@ -5,11 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <sstream>
 #include <system_error>
 
 #include "base/output_file.hpp"
 #include "base/strtod.hpp"
+#include "base/text_stream.hpp"
 #include "matrix/file.hpp"
 
 namespace espalier::dynamics {
@@ -48,7 +48,7 @@ CsvWriter::CsvWriter(std::string path, std::vector<CsvColumn> columns, double ke
 
 void CsvWriter::resume(const std::string& header, double keep_until) {
   if (std::error_code absent; !std::filesystem::exists(path_, absent)) return;
-  std::istringstream in{std::string(matrix::FileBytes(path_).bytes())};  // one that cannot be read is no empty one
+  base::TextReader in{std::string(matrix::FileBytes(path_).bytes())};  // one that cannot be read is no empty one
   std::string text;
   if (!std::getline(in, text) || in.eof()) return;  // not even a header
   if (text + '\n' != header)

@@ -6,13 +6,13 @@
 #include <cstdint>
 #include <cstdlib>
 #include <filesystem>
-#include <sstream>
 #include <stdexcept>
 #include <system_error>
 
 #include "base/at.hpp"
 #include "base/output_file.hpp"
 #include "base/strtod.hpp"
+#include "base/text_stream.hpp"
 #include "matrix/file.hpp"
 
 namespace espalier::dynamics {
@@ -124,7 +124,7 @@ std::string PvdSeries::file_name(int part) const {
 std::vector<PvdSeries::DataSet> PvdSeries::listed() const {
   std::vector<DataSet> result;
   if (std::error_code absent; !std::filesystem::exists(path_, absent)) return result;
-  std::istringstream in{std::string(matrix::FileBytes(path_).bytes())};
+  base::TextReader in{std::string(matrix::FileBytes(path_).bytes())};
   std::string line;
   while (std::getline(in, line)) {
     if (line.find("<DataSet ") == std::string::npos) continue;

@@ -5,11 +5,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cstring>
-#include <locale>
-#include <sstream>
 #include <stdexcept>
 #include <utility>
 
+#include "base/text_stream.hpp"
 #include "dynamics/mesh/read.hpp"
 #include "dynamics/mesh/text_file.hpp"
 
@@ -51,11 +50,10 @@ Soup parse_binary_stl(const std::string& text) {
 
 Soup parse_text_stl(const std::string& text, const std::string& path) {
   Soup soup;
-  std::istringstream in(text);
+  base::TextReader in(text);
   std::string line, word;
   for (int number = 1; std::getline(in, line); ++number) {
-    std::istringstream words(line);
-    words.imbue(std::locale::classic());
+    base::TextReader words(line);
     if (!(words >> word) || lower(word) != "vertex") continue;
     Vec3 x;
     if (!(words >> x[0] >> x[1] >> x[2])) fail_file(fmt::format("{}:{}", path, number), "needs three numbers");
@@ -67,11 +65,10 @@ Soup parse_text_stl(const std::string& text, const std::string& path) {
 
 Soup parse_obj(const std::string& text, const std::string& path) {
   Soup soup;
-  std::istringstream in(text);
+  base::TextReader in(text);
   std::string line, word;
   for (int number = 1; std::getline(in, line); ++number) {
-    std::istringstream words(line);
-    words.imbue(std::locale::classic());
+    base::TextReader words(line);
     if (!(words >> word)) continue;
     if (word == "v") {
       Vec3 x;

@@ -2,8 +2,8 @@
 #include <fmt/format.h>
 
 #include <charconv>
-#include <sstream>
 
+#include "base/text_stream.hpp"
 #include "dynamics/model/fields/sites.hpp"
 
 namespace espalier::dynamics::model {
@@ -32,7 +32,7 @@ Where read_where(const std::string& text) {
   std::string spaced = text;
   for (char& c : spaced)
     if (c == ',') c = ' ';
-  std::istringstream in(spaced);
+  base::TextReader in(spaced);
   std::vector<std::string> words;
   for (std::string word; in >> word;) words.push_back(word);
   Where where;

@@ -111,12 +111,22 @@ void refuse_mesh(const std::string& file) {
     throw Error(StatusCode::invalid_input, advice);
 }
 
+/// toml++ says of a number for which it has no memory that it is none: only what fails twice is a mistake. It would end
+/// the process where it has none for the name of a file.
+toml::table parsed(std::string_view text) {
+  try {
+    return toml::parse(text);
+  } catch (const toml::parse_error&) {
+    return toml::parse(text);
+  }
+}
+
 }  // namespace
 
 Value parse_toml(std::string_view text, const std::string& file) {
   try {
     check_keys(text, file);
-    return Converter(file).convert(toml::parse(text, std::string_view(file)), "");
+    return Converter(file).convert(parsed(text), "");
   } catch (const Error&) {
     refuse_mesh(file);
     throw;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <sstream>
 
+#include "base/text_stream.hpp"
 #include "dynamics/model/robots/shapes.hpp"
 #include "dynamics/model/robots/toml_writer.hpp"
 
@@ -44,7 +44,7 @@ class RobotWriter {
 
  private:
   std::string head() const {
-    std::ostringstream s;
+    base::TextWriter s;
     s << "# Made from '" << printable(std::filesystem::path(path_).filename().string()) << "' by espalier.\n";
     s << "title = " << in_quotes(robot_.name.empty() ? "robot" : robot_.name)
       << "\nunits = \"SI\"\ngravity = " << vector_text(robot_.gravity) << "\n\n[parameters]\n";
@@ -57,7 +57,7 @@ class RobotWriter {
   }
 
   std::string tail() const {
-    std::ostringstream s;
+    base::TextWriter s;
     if (!inputs_.empty()) s << "\n[inputs]\n" << inputs_;
     if (!sensors_.empty()) s << "\n[sensors]\n" << sensors_;
     s << "\n[integrator]\nend = 1\n\n[output]\nvtu_interval = 0.02\nquantities = [";
@@ -384,7 +384,7 @@ class RobotWriter {
   const RobotTree& tree_;
   const std::string& path_;
   const RobotOptions& options_;
-  std::ostringstream out_;
+  base::TextWriter out_;
   std::string inputs_, sensors_;
   Names names_, input_names_{false};
   std::vector<std::string> names_of_bodies_;

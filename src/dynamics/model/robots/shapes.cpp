@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <filesystem>
 #include <set>
-#include <sstream>
 #include <system_error>
 
 #include "base/at.hpp"
+#include "base/text_stream.hpp"
 #include "dynamics/contact/geometry/surface_file.hpp"
 #include "dynamics/model/robots/files.hpp"
 #include "dynamics/model/robots/toml_writer.hpp"
@@ -137,7 +137,7 @@ class ShapeWriter {
   const std::function<std::string(const std::string&)>& take_;
   const std::string& path_;
   const RobotOptions& options_;
-  std::ostringstream out_;
+  base::TextWriter out_;
   std::set<std::pair<int, int>> excluded_;
   std::map<std::string, bool> usable_;  // meshes by file
 };
