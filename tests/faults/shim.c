@@ -76,10 +76,21 @@ int __libc_start_main(int (*main)(int, char**, char**), int n, char** words, voi
   real_main = main;
   return REAL(__libc_start_main)(counted_main, n, words, init, fini, loader_fini, stack);
 }
+static atomic_long told_at = -1;
 static int no_memory(void) {
   if (atomic_load(&begun) == 0) return 0;
   const char* text = getenv("FAULT_AT");
-  return atomic_fetch_add(&allocations, 1) + 1 == (text != NULL ? atol(text) : 0);
+  const long at = atomic_load(&told_at) >= 0 ? atomic_load(&told_at) : text != NULL ? atol(text) : 0;
+  return atomic_fetch_add(&allocations, 1) + 1 == at;
+}
+// For programs that count a part of themselves (python_memory.py): the at-th allocation from now on fails, 0: none does;
+// -1: they are not counted any more. Returns how many were.
+long fault_memory(long at) {
+  atomic_store(&begun, 0);
+  const long counted = atomic_exchange(&allocations, 0);
+  atomic_store(&told_at, at);
+  atomic_store(&begun, at >= 0);
+  return counted;
 }
 void* malloc(size_t n) {
   if (no_memory()) FAIL(ENOMEM, NULL);
