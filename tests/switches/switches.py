@@ -82,9 +82,9 @@ def of_threads(place, counts):
     return f"{len(truth)} files, {' and '.join(map(str, counts))} threads beside 1", failed
 
 
-def same_bits(place, plain):
-    """The programs of bits, beside those of a plain run."""
-    here, there = (p.run("tests/espalier_bits").stdout.splitlines() for p in (place, plain))
+def same_bits(place, plain, *words):
+    """The program of bits, beside that of a plain run. Words: cases whose names contain one of them."""
+    here, there = (p.run("tests/espalier_bits", *words).stdout.splitlines() for p in (place, plain))
     return f"{len(here)} lines of bits", [] if here and here == there else ["espalier_bits prints other bits"]
 
 
@@ -109,16 +109,16 @@ def comma(build, folder):
 
 def switches(build, share):
     plain, tests = Place(build), SHARE if share else {**NUMERICAL, **OTHERS}
-    flags = Path("/proc/cpuinfo").read_text()
+    flags, words = Path("/proc/cpuinfo").read_text(), ["kkt 6"] if share else []
 
     def language():
         with tempfile.TemporaryDirectory() as folder:
             place = comma(build, folder)
-            return ("left out: no localedef, or no package 'locales'", []) if place is None else joined(place.tests(tests), same_bits(place, plain))
+            return ("left out: no localedef, or no package 'locales'", []) if place is None else joined(place.tests(tests), same_bits(place, plain, *words))
 
     def in_place(**how):
         place = Place(build, **how)
-        return joined(place.tests(tests), same_bits(place, plain))
+        return joined(place.tests(tests), same_bits(place, plain, *words))
 
     rows = {"threads": lambda: of_threads(plain, [7] if share else [2, 3, 7]),
             "language with commas": language,
