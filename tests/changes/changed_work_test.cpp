@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <span>
@@ -168,12 +169,12 @@ SparseMatrix beside_a_pair(Index n, double diagonal, double coupling, double apa
 // Columns of a factor that is near to singular lose what the change gives: the changed matrix itself has to be
 // factorized, which a caller may refuse.
 TEST(ChangedWork, AFactorNearToSingularIsMadeAnew) {
-  const SparseMatrix a = beside_a_pair(1200, 1, 1, 4e-14);
+  const SparseMatrix a = beside_a_pair(2500, 1, 1, 4e-14);
   Solver solver = factorized(a, Kind::llt);
   Dense dense(a);
   std::vector<Index> gone;
   for (Index v = 0; v < 40; ++v) gone.push_back(v);
-  gone.insert(gone.end(), {1200, 1201});
+  gone.insert(gone.end(), {2500, 2501});
   for (const bool folds : {true, false}) {
     ChangedSystem changed(solver);
     changed.set_folding(folds);
@@ -182,12 +183,19 @@ TEST(ChangedWork, AFactorNearToSingularIsMadeAnew) {
     const ChangedSolveResult r = changed.solve(b, x);
     if (!folds) {
       EXPECT_EQ(r.status.code, StatusCode::singular) << r.status.message;
+      EXPECT_LT(r.cost.changes, r.cost.factorization) << "or it would be made anew for its cost";
       continue;
     }
     ASSERT_TRUE(r.status.ok()) << r.status.message;
     EXPECT_EQ(r.cost.factorizations, 1);
     EXPECT_LE(r.backward_error, 100 * kEps);
-    expect_solves(changed, dense, gone, true);
+    std::vector<double> of_b, of_x;
+    for (Index v = 0; v < a.cols; ++v)
+      if (std::find(gone.begin(), gone.end(), v) == gone.end()) {
+        of_b.push_back(b[at(v)]);
+        of_x.push_back(x[at(v)]);
+      }
+    EXPECT_LE(reference::backward_error(dense.without(gone), of_b, of_x), 100 * kEps);
   }
 }
 

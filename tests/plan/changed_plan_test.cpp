@@ -63,17 +63,20 @@ Index same_fronts(const Plan& before, const ChangedPlan& changed) {
 // What fits in its place stays there. @returns fronts whose contribution did
 Index fitting_contributions(const Plan& before, const ChangedPlan& changed) {
   Index stayed = 0;
+  Offset grown = 0;  // elements of factors that have new places
   const Plan& now = changed.plan;
   std::vector<char> named(before.layout.size(), 0);
   for (const Index o : changed.before.front) named[o] = 1;
   for (Index f = 0; f < now.fronts(); ++f) {
     const Index o = changed.before.front[f], up = before.tree.parent[o];
-    const Offset left = now.layout[f].contribution_size();
+    const Offset left = now.layout[f].contribution_size(), factor = now.layout[f].factor_size();
+    if (factor > before.layout[o].factor_size()) grown += factor * (now.options.unsymmetric ? 2 : 1);
     if (before.memory.on_stack[o] != 0 || up < 0 || named[up] == 0 || now.tree.parent[f] < 0 || left == 0) continue;
     if (left > before.layout[o].contribution_size()) continue;
     EXPECT_EQ(now.memory.contribution[f], before.memory.contribution[o]);
     ++stayed;
   }
+  EXPECT_GE(now.memory.factor_size, before.memory.factor_size + grown);
   return stayed;
 }
 

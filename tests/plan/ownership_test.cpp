@@ -129,6 +129,28 @@ TEST_P(OwnershipOfTasks, ShardsOfMemoryAddUp) {
   for (std::size_t d = 0; d < factors.size(); ++d) EXPECT_GE(m.device_size[d], factors[d]) << d;
 }
 
+// A device of three times the speed has about three times the work, and the memory for it.
+TEST(OwnershipOfMemory, FollowsTheSpeeds) {
+  base::ThreadPool pool(2);
+  const SparseMatrix a = matrix::generate(matrix::parse_generator(std::vector<std::string>{"elasticity", "9"}), &pool);
+  plan::PlanOptions options;
+  options.devices = 2;
+  options.device_speed = {3, 1};
+  const plan::Plan p =
+      plan::make_plan(analysis::build_tree(analysis::graph_of(a, pool), {}, pool), a, {}, options, pool);
+  std::vector<Offset> factors(2, 0);
+  std::vector<double> seconds(2, 0);
+  for (Index f = 0; f < p.fronts(); ++f)
+    if (const Index s = p.ownership.subtree(f); s >= 0)
+      factors[static_cast<std::size_t>(p.ownership.subtrees[static_cast<std::size_t>(s)].device)] +=
+          p.layout[f].factor_size();
+  for (const auto& s : p.ownership.subtrees) seconds[static_cast<std::size_t>(s.device)] += s.seconds;
+  EXPECT_GT(seconds[0], 2 * seconds[1]);
+  ASSERT_GT(factors[0], factors[1]);
+  EXPECT_GE(p.memory.device_size[0] - p.memory.device_size[1], (factors[0] - factors[1]) / 2);
+  for (const std::size_t d : {0, 1}) EXPECT_GE(p.memory.device_size[d], factors[d]) << d;
+}
+
 TEST_P(OwnershipOfTasks, BlockColumnsOfTheTopAreDealtEvenly) {
   const auto& a = plan_.ownership;
   for (Index f = 0; f < plan_.fronts(); ++f) {
