@@ -105,8 +105,10 @@ TEST(MatrixMarket, BothTrianglesOfASymmetricFile) {
   (void)parse_matrix_market(head + "1 1 4\n2 1 5\n1 2 5\n", "t.mtx", options);
   ASSERT_EQ(said.size(), 1U);
   EXPECT_NE(said[0].find("both triangles"), std::string::npos);
-  for (const char* entries : {"1 1 4\n2 1 5\n2 2 1\n", "1 1 4\n1 2 5\n2 2 1\n"})
+  for (const char* entries : {"1 1 4\n2 1 5\n2 2 1\n", "1 1 4\n1 2 5\n2 2 1\n"})  // one triangle
     (void)parse_matrix_market(head + entries, "t.mtx", options);
+  const std::string mixed = "%%MatrixMarket matrix coordinate real symmetric\n3 3 3\n1 1 4\n1 3 5\n3 2 6\n";
+  (void)parse_matrix_market(mixed, "t.mtx", options);  // entries of both, none twice
   EXPECT_EQ(said.size(), 1U);
   expect_parse_error(head + "1 1 4\n2 1 5\n1 2 6\n", {"t.mtx:5:", "(1, 2) is 6", "(2, 1)", "is 5"});
 }

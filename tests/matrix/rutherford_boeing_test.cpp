@@ -52,6 +52,12 @@ TEST(RutherfordBoeing, SymmetricSkewPatternRectangular) {
   file.type = "RSA";
   const auto s = file.parse();
   EXPECT_EQ(s.storage, Storage::symmetric_lower);
+  File mixed;  // (1, 1), (3, 1) below, (2, 3) and (3, 3) above: one triangle, wherever an entry stands
+  mixed.type = "rsa";
+  mixed.pointers = "   1   3   3   5\n";
+  Eigen::MatrixXd of_mixed(3, 3);
+  of_mixed << 1, 0, -2.5, 0, 0, 0.3, -2.5, 0.3, 400;
+  EXPECT_EQ(dense(mixed.parse()), of_mixed);
   EXPECT_EQ(dense(s), symmetric);
   File z;
   z.type = "rza";
