@@ -83,8 +83,8 @@ static int no_memory(void) {
   const long at = atomic_load(&told_at) >= 0 ? atomic_load(&told_at) : text != NULL ? atol(text) : 0;
   return atomic_fetch_add(&allocations, 1) + 1 == at;
 }
-// For programs that count a part of themselves (python_memory.py): the at-th allocation from now on fails, 0: none does;
-// -1: they are not counted any more. Returns how many were.
+// For programs that count a part of themselves (python_memory.py): the at-th allocation from now on fails, 0: none
+// does; -1: they are not counted any more. Returns how many were.
 long fault_memory(long at) {
   atomic_store(&begun, 0);
   const long counted = atomic_exchange(&allocations, 0);
