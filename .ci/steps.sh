@@ -210,7 +210,12 @@ test_instructions() {
 }
 
 # A share of the tests with other threads, in a language whose numbers have commas, in another time zone, with another umask.
-test_switches() { python3 tests/switches/switches.py --share; }
+# Then allocations of the Python package that fail.
+test_switches() {
+  python3 tests/switches/switches.py --share || return 1
+  [[ ! -x $ci_python ]] || PYTHONPATH=build/release/python LD_PRELOAD=build/release/tests/espalier_faults.so \
+    "$ci_python" tests/faults/python_memory.py --most 60 linear fresh read
+}
 
 # Work counted, not timed: flops, fill, memory, instructions of fixed systems against .ci/bounds.json.
 check_bounds() { python3 .ci/check_bounds.py --binary build/release/espalier; }
