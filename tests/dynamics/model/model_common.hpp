@@ -4,10 +4,12 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "espalier/dynamics.hpp"
@@ -84,5 +86,19 @@ class ScratchFolder {
  private:
   std::string path_;
 };
+
+/// All models of the pages and of the examples, by file.
+inline std::vector<std::pair<std::string, std::string>> all_models() {
+  std::vector<std::pair<std::string, std::string>> models;
+  for (const char* folder : {"docs", "examples", "models"})
+    for (const auto& entry : std::filesystem::recursive_directory_iterator(espalier::test::source_folder() / folder)) {
+      const std::string path = entry.path().string(), text = content_of(path);
+      if (entry.path().extension() == ".toml") models.emplace_back(path, text);
+      if (entry.path().extension() != ".md") continue;
+      for (const std::string& block : blocks(text, "toml")) models.emplace_back(path, block);
+    }
+  std::sort(models.begin(), models.end());
+  return models;
+}
 
 }  // namespace espalier::dynamics

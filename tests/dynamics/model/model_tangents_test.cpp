@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 
 #include "dynamics/dae/products.hpp"
 #include "dynamics/model/built_model.hpp"
@@ -15,20 +14,6 @@ namespace espalier::dynamics {
 namespace model_tangents_test {
 
 constexpr Index kMostUnknowns = 300;
-
-/// All models of the pages and of the examples, by file.
-std::vector<std::pair<std::string, std::string>> all_models() {
-  std::vector<std::pair<std::string, std::string>> models;
-  for (const char* folder : {"docs", "examples", "models"})
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(espalier::test::source_folder() / folder)) {
-      const std::string path = entry.path().string(), text = content_of(path);
-      if (entry.path().extension() == ".toml") models.emplace_back(path, text);
-      if (entry.path().extension() != ".md") continue;
-      for (const std::string& block : blocks(text, "toml")) models.emplace_back(path, block);
-    }
-  std::sort(models.begin(), models.end());
-  return models;
-}
 
 class Differences {
  public:
