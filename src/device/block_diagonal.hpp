@@ -40,7 +40,7 @@ std::vector<char> negative_of_inverse(std::span<const T> d, std::span<const T> e
   for (std::size_t k = 0; k < d.size(); ++k) {
     negative[k] = d[k] < T(0) ? 1 : 0;
     if (e[k] == T(0)) continue;
-    // Of one sign each where the block's determinant is negative, else both of its trace's.
+    // The block has one sign each where its determinant is negative, else both of its trace.
     const bool of_each = (d[k] / e[k]) * (d[k + 1] / e[k]) < T(1);
     if (of_each) negative[k] = 1;
     negative[k + 1] = of_each ? 0 : negative[k];

@@ -100,7 +100,7 @@ TEST(MemoryOfPlans, OfRegionsKeepsWhatGoesToTheTop) {
       }
     }
     EXPECT_GE(passed_on, devices);
-    // Of a device: its regions, and the factors of the top.
+    // What a device holds: its regions, and the factors of the top.
     Offset top = 0, together = 0, of_regions = 0;
     for (Index f = 0; f < p.fronts(); ++f)
       if (regions.of[f] == 0) top += 2 * p.layout[f].factor_size();

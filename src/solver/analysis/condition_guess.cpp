@@ -13,17 +13,17 @@ namespace {
 constexpr Index kShare = 64, kSmallest = 200, kLargest = 4096;  // unknowns of the larger part
 
 // Positions of a sub-tree's pivots.
-struct Part {
+struct SubTree {
   Index begin = 0, end = 0;
   [[nodiscard]] Index size() const { return end - begin; }
 };
 
 // The largest sub-tree of at most `most` unknowns within a range of positions.
-Part largest_part(const analysis::AssemblyTree& tree, Part within, Index most) {
+SubTree largest_sub_tree(const analysis::AssemblyTree& tree, SubTree within, Index most) {
   std::vector<Index> begin(tree.first.begin(), tree.first.end() - 1);  // of each sub-tree
-  Part found;
+  SubTree found;
   for (Index f = 0; f < tree.fronts(); ++f) {
-    const Part p{begin[at(f)], tree.first[at(f) + 1]};
+    const SubTree p{begin[at(f)], tree.first[at(f) + 1]};
     if (p.begin >= within.begin && p.end <= within.end && p.size() <= most && p.size() > found.size()) found = p;
     if (const Index parent = tree.parent[at(f)]; parent >= 0) begin[at(parent)] = std::min(begin[at(parent)], p.begin);
   }
@@ -82,12 +82,12 @@ double condition_of(const SparseMatrix& part) {
 
 double guess_condition(const System& system, const Values& values, const analysis::AssemblyTree& tree) {
   if (system.kind != Kind::llt || system.numbers() != base::Numbers::real || system.border || values.empty()) return 0;
-  const Part large = largest_part(tree, {0, tree.n}, std::min(kLargest, tree.n / kShare));
+  const SubTree large = largest_sub_tree(tree, {0, tree.n}, std::min(kLargest, tree.n / kShare));
   if (large.size() < kSmallest) return 0;
-  const Part small = largest_part(tree, large, large.size() / 4);
+  const SubTree small = largest_sub_tree(tree, large, large.size() / 4);
   if (small.size() < kSmallest / 8) return 0;
   const std::span<const Index> order(tree.order);
-  const auto condition = [&](Part part) {
+  const auto condition = [&](SubTree part) {
     return condition_of(part_of(system.prepared.a, values, order.subspan(at(part.begin), at(part.size()))));
   };
   const double of_large = condition(large), of_small = condition(small);

@@ -25,7 +25,7 @@ class SystemVectors {
   double* right_hand_sides(Index columns) { return grown(right_hand_sides_, columns); }
   double* solutions(Index columns) { return grown(solutions_, columns); }
 
-  /// Of the caller's own, who may keep it longer than this object lives.
+  /// Memory of the caller's own, who may keep it longer than this object lives.
   std::shared_ptr<double[]> take(Index columns) const {
     const DeviceGuard guard(device_);
     const Offset count = static_cast<Offset>(doubles_) * columns;
