@@ -6,6 +6,7 @@
 
 #include "dynamics/dae/check.hpp"
 #include "dynamics/model/mechanism.hpp"
+#include "dynamics/model/model_common.hpp"
 #include "dynamics/model/read/expand.hpp"
 
 namespace espalier::dynamics {
@@ -30,6 +31,20 @@ inline State anywhere(model::Mechanism& mechanism, unsigned seed, double size) {
     for (double& x : *part) x = uniform(engine);
   s.t = 0.37;
   return s;
+}
+
+/// use(mechanism, what it is) for every model of the pages and of the examples with at most so many velocities.
+template <class Use>
+void for_each_small_model(Index most, const Use& use) {
+  for (const auto& [file, text] : all_models()) {
+    std::unique_ptr<model::Mechanism> mechanism;
+    try {
+      mechanism = built(text);
+    } catch (const std::exception&) {
+      continue;  // pieces of models, and those with files
+    }
+    if (mechanism->system.sizes().velocity <= most) use(*mechanism, file + ": " + text.substr(0, 80));
+  }
 }
 
 }  // namespace espalier::dynamics
